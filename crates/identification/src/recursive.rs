@@ -40,8 +40,8 @@ pub use differentiated::{Differentiated, Shown, StepObservation, WithParameters}
 pub use extended_kalman::{DifferentiableModel, ExtendedKalmanFilter, FilterModel};
 #[cfg(feature = "std")]
 pub use flight_estimator::{
-    BeginStage, BodyStage, ErringThruster, FilterMemory, FlightEstimator, FlightEstimatorSettings, FlightHealth,
-    FlightMeasurement, GaussMarkov, LearningTargets, Reception, ReceptionCounts, SlowErrors, THRUSTERS,
+    AxisErrors, BeginStage, BodyStage, ErringThruster, FilterMemory, FlightEstimator, FlightEstimatorSettings,
+    FlightHealth, FlightMeasurement, GaussMarkov, LearningTargets, Reception, ReceptionCounts, SlowErrors, THRUSTERS,
     TwoStageEstimator, WindowRows, WrenchErrors, grasp_or_release,
 };
 #[cfg(feature = "research")]

@@ -23,6 +23,7 @@ mod fault_plant;
 mod foreseen;
 mod informative_stretch;
 mod last_motion;
+mod lasting_errors;
 mod loop_settings;
 mod motion;
 mod office;
@@ -32,7 +33,6 @@ mod serve;
 mod stretch;
 mod stretch_model;
 mod stretch_settings;
-mod thrust_doubt;
 mod watch;
 mod way_nodes;
 

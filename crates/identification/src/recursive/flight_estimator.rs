@@ -1,5 +1,6 @@
 //! The estimator in the loop of a flight: motion now and ten parameters from late, unordered, doubtful measurements.
 
+mod axis_errors;
 mod body_score;
 mod erring_thrusters;
 mod filtered;
@@ -16,6 +17,7 @@ mod wrench_history;
 #[cfg(test)]
 mod tests;
 
+pub use axis_errors::AxisErrors;
 pub use erring_thrusters::{ErringThruster, THRUSTERS};
 pub use health::FlightHealth;
 pub use reception::{FlightMeasurement, Reception, ReceptionCounts};
@@ -23,7 +25,7 @@ pub use settings::{FlightEstimatorSettings, LearningTargets, WrenchErrors, grasp
 pub use slow_errors::{FilterMemory, GaussMarkov, SlowErrors};
 pub use two_stage::{BeginStage, BodyStage, TwoStageEstimator, WindowRows};
 
-use crate::dynamics::{LogCholesky, RigidBodyState};
+use crate::dynamics::{InertialParameters, LogCholesky, RigidBodyState};
 use crate::error::IdentificationError;
 use crate::estimator::standard_deviations;
 use crate::estimator::{Acted, Doubt, EstimatorError, Finding, Measurement, StateEstimator};
@@ -373,9 +375,17 @@ impl FlightEstimator {
         let parameters = newest.state.joint.body.to_parameters();
         let slopes = parameters_by_chart(newest.about.as_ref().unwrap_or(&newest.state.joint.body));
         let body = newest.covariance.fixed_view::<10, 10>(BODY, BODY);
-        let covariance = symmetric(&(slopes * body * slopes.transpose()));
+        let covariance = self.stated(&parameters, &symmetric(&(slopes * body * slopes.transpose())));
         let std = standard_deviations(&parameters.to_vector(), &covariance);
         Estimate { parameters, covariance, std, lmi_active: false }
+    }
+
+    /// What is stated of a body: what the filter believes of it, and what the axes of the gyroscope are off by.
+    fn stated(&self, body: &InertialParameters<f64>, believed: &SMatrix<f64, 10, 10>) -> SMatrix<f64, 10, 10> {
+        let mut stated = *believed;
+        let mut inertia = stated.fixed_view_mut::<6, 6>(4, 4);
+        inertia += self.rules.settings.slow.rate_axes.of_inertia(&body.inertia_about_com());
+        stated
     }
 
     /// Covariance of an increment of the newest filtered motion, as [`RigidBodyState`] moves: pose, then twist, each angular

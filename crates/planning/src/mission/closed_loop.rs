@@ -724,6 +724,21 @@ where
         });
     }
 
+    /// What to ask of doubted actuators for a wrench, within their limits; `None` where they are not in doubt. Where there is not so much, the force
+    /// gives way to the torque: a force that is cut leaves the torque that was to hold against its side effects, and a robot that spins is lost.
+    fn asked_of_doubted(&self, wanted: &Wrench<f64>) -> Option<Wrench<f64>> {
+        let mut cut = None;
+        for share in GIVING_WAY {
+            let asked = self.estimator.compensated(&Wrench::new(wanted.torque, wanted.force * share))?;
+            let within = self.settings.brake.within(&asked);
+            cut = Some(within);
+            if within == asked {
+                break;
+            }
+        }
+        cut
+    }
+
     fn control(&mut self, observer: &mut dyn LoopObserver) -> Result<ControlCommand, PlanningError> {
         observer.begins(Layer::Control);
         let (motion, untold) = self.motion();
@@ -752,8 +767,8 @@ where
         if let Some(acting) = beside {
             command.wrench_body = self.settings.brake.within(&(command.wrench_body - *acting));
         }
-        if let Some(asked) = self.estimator.compensated(&command.wrench_body) {
-            command.wrench_body = self.settings.brake.within(&asked);
+        if let Some(asked) = self.asked_of_doubted(&command.wrench_body) {
+            command.wrench_body = asked;
         }
         observer.ends(Layer::Control);
         let is_braking = matches!(command.fallback, Some(Fallback::Braking(_)));
@@ -765,6 +780,9 @@ where
         Ok(command)
     }
 }
+
+/// Shares of a force that doubted actuators are asked for, until one is within their limits.
+const GIVING_WAY: [f64; 9] = [1.0, 0.875, 0.75, 0.625, 0.5, 0.375, 0.25, 0.125, 0.0];
 
 /// What an estimator knows of the body, as it says it and as planners are told.
 fn body_of<E: StateEstimator>(estimator: &E) -> Result<(Finding, Estimate), PlanningError> {

@@ -3,10 +3,10 @@
 use super::beside::most_beside;
 use super::expected_loss::ExpectedLoss;
 use super::foreseen::{foreseen, information_between};
+use super::lasting_errors::{LastingErrors, learnable};
 use super::stretch::{StretchAnswer, StretchOutcome, StretchPlanner, StretchRefusal, StretchTask};
 use super::stretch_model::StretchModel;
 use super::stretch_settings::{Arrival, StretchSettings};
-use super::thrust_doubt::learnable;
 use super::way_nodes::motion_on;
 use crate::budget::Budget;
 use crate::error::{PlanningError, indefinite, positive};
@@ -17,7 +17,6 @@ use crate::local::{
 use core::f64::consts::TAU;
 use nalgebra::{SMatrix, Vector3, Vector6};
 use tumble_dynamics::{FreeFlyer, RigidBodyState};
-use tumble_identification::recursive::{ErringThruster, THRUSTERS};
 use tumble_lie::{LieGroup, Twist, Wrench};
 
 /// Plans stretches along a way, for any model, weighting and local planner `L`; the informative one unless
@@ -38,7 +37,7 @@ pub struct InformativeStretch<
     weighting: Box<dyn InformationWeighting<P>>,
     expected_loss: Option<ExpectedLoss<P>>,
     arrival: Arrival,
-    thrusters: [ErringThruster; THRUSTERS],
+    lasting: LastingErrors,
     /// Largest absolute value of each input.
     limit: [f64; U],
     step_s: f64,
@@ -77,7 +76,7 @@ impl<M: StretchModel<X, U, P> + Clone, const X: usize, const U: usize, const P: 
             weighting,
             expected_loss: None,
             arrival: settings.arrival,
-            thrusters: settings.thrusters,
+            lasting: LastingErrors { thrusters: settings.thrusters, rate_axes: settings.rate_axes },
             limit,
             step_s: settings.step_s,
             steps: settings.steps,
@@ -103,7 +102,7 @@ where
             weighting,
             expected_loss,
             arrival,
-            thrusters,
+            lasting,
             limit,
             step_s,
             steps,
@@ -118,7 +117,7 @@ where
             weighting,
             expected_loss,
             arrival,
-            thrusters,
+            lasting,
             limit,
             step_s,
             steps,
@@ -321,7 +320,7 @@ where
         };
         let known = covariance_of(&self.model.adopt(task.belief)?)?;
         let pushed_axes = M::IS_TORQUE.iter().filter(|is_torque| !**is_torque).count();
-        let learnable = learnable(&self.thrusters, task.belief, pushed_axes)?;
+        let learnable = learnable(&self.lasting, task.belief, pushed_axes)?;
         let knowledge = self.model.adopt(&learnable)?;
         let left = covariance_of(&knowledge)?;
         let lasting = core::array::from_fn::<f64, P, _>(|i| f64::max(0.0, known[(i, i)] - left[(i, i)]));

@@ -5,7 +5,7 @@ use crate::global::MotionLimits;
 use crate::local::{Criterion, LocalSettings, SpeedLimits, WrenchSet};
 use nalgebra::{SMatrix, SVector, Vector3};
 use tumble_dynamics::AlignedBox;
-use tumble_identification::recursive::{ErringThruster, THRUSTERS};
+use tumble_identification::recursive::{AxisErrors, ErringThruster, THRUSTERS};
 
 /// What arriving means: the state at the end of a stretch, against the end of the way.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,6 +69,8 @@ pub struct StretchSettings {
     pub wander_per_s: [f64; 4],
     /// What makes the wrench, and how well it is known: what errs with it no motion teaches.
     pub thrusters: [ErringThruster; THRUSTERS],
+    /// Errors of the gyroscope's axes: what they make of an inertia no motion teaches either.
+    pub rate_axes: AxisErrors,
     /// What is to be small of the covariance.
     pub criterion: Criterion,
     /// Distance kept from obstacles, m.
@@ -107,6 +109,7 @@ impl Default for StretchSettings {
             samples_per_step: 1.0,
             wander_per_s: [0.0; 4],
             thrusters: [ErringThruster::NONE; THRUSTERS],
+            rate_axes: AxisErrors::NONE,
             criterion: Criterion::A,
             margin_m: 0.04,
             length_scale_m: 0.15,
@@ -171,6 +174,8 @@ impl StretchSettings {
         for thruster in &self.thrusters {
             thruster.check()?;
         }
+        not_negative("the scale of a gyroscope's axes", self.rate_axes.scale)?;
+        not_negative("the misalignment of a gyroscope's axes", self.rate_axes.misalignment)?;
         let seen: [Seen; 4] = core::array::from_fn(|group| {
             let sigma = self.measurement_sigma[group];
             Seen::steadily(sigma * sigma / self.samples_per_step, self.wander_per_s[group] * self.step_s)

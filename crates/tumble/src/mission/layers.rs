@@ -161,6 +161,7 @@ pub fn stretch_planner(
         samples_per_step: problem.step_s / CONTROL_PERIOD_S,
         wander_per_s: wander_per_s(problem),
         thrusters: problem.thrusters,
+        rate_axes: problem.slow.rate_axes,
         margin_m: problem.margins_m.stretch,
         ..usual
     };

@@ -2,6 +2,7 @@
 //! content that is old.
 
 use super::super::MotionNoise;
+use super::axis_errors::AxisErrors;
 use super::wrench_history::{Held, WrenchHistory};
 use crate::error::IdentificationError;
 use crate::lie::Wrench;
@@ -154,6 +155,8 @@ pub struct SlowErrors {
     pub rate_bias_rad_s: f64,
     /// What the bias moves by, rad/s per root of a second.
     pub rate_bias_walk: f64,
+    /// Errors of the gyroscope's axes, which make the inertia less certain.
+    pub rate_axes: AxisErrors,
     /// Filter that the rate has gone through.
     pub rate_memory: Option<FilterMemory>,
     /// Bias of the acceleration at the start, each axis, m/s^2.
@@ -189,6 +192,7 @@ impl SlowErrors {
         velocity: GaussMarkov::NONE,
         rate_bias_rad_s: 0.0,
         rate_bias_walk: 0.0,
+        rate_axes: AxisErrors::NONE,
         rate_memory: None,
         acceleration_bias_m_s2: 0.0,
         acceleration_bias_walk: 0.0,
@@ -220,6 +224,7 @@ impl SlowErrors {
             velocity: wander(sensing.velocity.wander, 2),
             rate_bias_rad_s: sensing.rate.bias_sigma,
             rate_bias_walk: BIAS_WALK[0],
+            rate_axes: AxisErrors { scale: sensing.rate.scale_sigma, misalignment: sensing.rate.misalignment_sigma },
             rate_memory: sensing.rate.filter.as_ref().map(FilterMemory::of_rate).transpose()?.flatten(),
             acceleration_bias_m_s2: sensing.acceleration.bias_sigma,
             acceleration_bias_walk: BIAS_WALK[1],
@@ -267,6 +272,8 @@ impl SlowErrors {
             v.sigma,
             self.rate_bias_rad_s,
             self.rate_bias_walk,
+            self.rate_axes.scale,
+            self.rate_axes.misalignment,
             self.acceleration_bias_m_s2,
             self.acceleration_bias_walk,
             self.acceleration_scale,

@@ -366,7 +366,8 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> TwoStageEstimat
     fn estimate(&self) -> (SVector<f64, 10>, SMatrix<f64, 10, 10>) {
         let slopes = parameters_by_chart(&self.known.body);
         let covariance = symmetric(&(slopes * self.known.covariance * slopes.transpose()));
-        (self.known.body.to_parameters().to_vector(), covariance)
+        let parameters = self.known.body.to_parameters();
+        (parameters.to_vector(), self.motion.stated(&parameters, &covariance))
     }
 }
 

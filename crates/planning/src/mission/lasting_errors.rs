@@ -1,11 +1,11 @@
-//! What of a belief no motion improves, because the thrust is not what it is believed to be.
+//! What of a belief no motion improves, because thrusters and gyroscope err by what nobody can tell.
 
 use crate::belief::ModelBelief;
 use crate::error::{PlanningError, indefinite};
 use crate::local::{body_by_mass_center_and_inertia, covariance_about_com, sizes_about_com, whitened};
 use nalgebra::{SMatrix, SVector, Vector6};
 use tumble_dynamics::{InertialParameters, PARAMETERS};
-use tumble_identification::recursive::{ErringThruster, THRUSTERS};
+use tumble_identification::recursive::{AxisErrors, ErringThruster, THRUSTERS};
 
 /// Of any direction, so much of the variance is taken to be beyond learning at most: what is believed is not held against an estimator that
 /// knows better.
@@ -13,13 +13,20 @@ const MOST_LASTING: f64 = 0.9;
 
 type Matrix10 = SMatrix<f64, PARAMETERS, PARAMETERS>;
 
+/// Constant errors that a motion shows as a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LastingErrors {
+    pub(super) thrusters: [ErringThruster; THRUSTERS],
+    pub(super) rate_axes: AxisErrors,
+}
+
 /// Covariance of mass, centre of mass and inertia about it of a body whose motion is known, and whose thrusters are not: one that is heavier by a
 /// hundredth moves as one does that is pushed by a hundredth less.
 ///
 /// At rest, each axis that thrusters reach is pushed or turned both ways. What moves so is `Y(w) b = w + E(w) e` with the errors `e` of the
-/// thrusters, and least squares takes them for some of the body `b`.
+/// thrusters, and least squares takes them for some of the body `b`. Axes of the gyroscope add what they make of an inertia.
 fn lasting(
-    thrusters: &[ErringThruster; THRUSTERS],
+    errors: &LastingErrors,
     body: &InertialParameters<f64>,
     pushed_axes: usize,
 ) -> Result<Matrix10, PlanningError> {
@@ -50,7 +57,7 @@ fn lasting(
         let needed = SMatrix::<f64, 6, PARAMETERS>::from_fn(|row, quantity| {
             if is_told[quantity] { by_quantities[(row, quantity)] / row_size(row) } else { 0.0 }
         });
-        let of_each = ErringThruster::errors_of(thrusters, &wrench);
+        let of_each = ErringThruster::errors_of(&errors.thrusters, &wrench);
         let of_each = SMatrix::<f64, 6, THRUSTERS>::from_fn(|row, thruster| of_each[(row, thruster)] / row_size(row));
         normal += needed.transpose() * needed;
         erring += needed.transpose() * of_each;
@@ -58,7 +65,12 @@ fn lasting(
     let what = "the least eigenvalue of what thrusters tell of a body";
     let taken = normal.cholesky().ok_or_else(|| indefinite(what, &normal))?.solve(&erring);
     let covariance = taken * taken.transpose();
-    Ok(Matrix10::from_fn(|i, j| covariance[(i, j)] * sizes[i] * sizes[j]))
+    let mut covariance = Matrix10::from_fn(|i, j| covariance[(i, j)] * sizes[i] * sizes[j]);
+    let of_axes = errors.rate_axes.of_inertia(&body.inertia_about_com());
+    let is_told = SVector::<bool, PARAMETERS>::from(is_told);
+    let mut of_inertia = covariance.fixed_view_mut::<6, 6>(4, 4);
+    of_inertia += of_axes.map_with_location(|i, j, value| if is_told[4 + i] && is_told[4 + j] { value } else { 0.0 });
+    Ok(covariance)
 }
 
 /// The belief with the covariance of what motion can still teach, pushed along so many axes: along each direction less what lasts.
@@ -66,12 +78,12 @@ fn lasting(
 /// # Errors
 /// A belief whose body does not exist, whose covariance is none.
 pub(super) fn learnable(
-    thrusters: &[ErringThruster; THRUSTERS],
+    errors: &LastingErrors,
     belief: &ModelBelief,
     pushed_axes: usize,
 ) -> Result<ModelBelief, PlanningError> {
     let mut learnable = belief.clone();
-    if thrusters.iter().all(|thruster| thruster.relative == 0.0) {
+    if errors.thrusters.iter().all(|thruster| thruster.relative == 0.0) && errors.rate_axes == AxisErrors::NONE {
         return Ok(learnable);
     }
     let body = belief.parameters();
@@ -82,7 +94,7 @@ pub(super) fn learnable(
     let factor = information.cholesky().ok_or_else(|| indefinite(what, &information))?.l();
     let inverse = factor.try_inverse().ok_or_else(|| indefinite(what, &information))?;
     // white for the belief
-    let lasting = lasting(thrusters, body, pushed_axes)?;
+    let lasting = lasting(errors, body, pushed_axes)?;
     let scaled = Matrix10::from_fn(|i, j| lasting[(i, j)] / (sigma[i] * sigma[j]));
     let white = factor.transpose() * scaled * factor;
     let eigen = ((white + white.transpose()) * 0.5).symmetric_eigen();
@@ -106,6 +118,10 @@ mod tests {
         InertialParameters::about_com(9.5, Vector3::new(0.05, -0.1, 0.07), inertia)
     }
 
+    fn of_thrusters(thrusters: [ErringThruster; THRUSTERS]) -> LastingErrors {
+        LastingErrors { thrusters, rate_axes: AxisErrors::NONE }
+    }
+
     fn sigma_about_com(belief: &ModelBelief) -> SMatrix<f64, PARAMETERS, 1> {
         covariance_about_com(belief).unwrap().diagonal().map(f64::sqrt)
     }
@@ -115,27 +131,27 @@ mod tests {
     fn what_lasts_of_a_body_is_what_its_thrusters_err_by() {
         let inertia = Matrix3::from_diagonal(&Vector3::new(0.15, 0.14, 0.16));
         let body = InertialParameters::about_com(9.5, Vector3::zeros(), inertia);
-        let sigma = |thrusters: &[ErringThruster; THRUSTERS], axes| {
-            lasting(thrusters, &body, axes).unwrap().diagonal().map(f64::sqrt)
+        let sigma = |thrusters: [ErringThruster; THRUSTERS], axes| {
+            lasting(&of_thrusters(thrusters), &body, axes).unwrap().diagonal().map(f64::sqrt)
         };
-        let each = sigma(&ErringThruster::along_axes(0.01), 3);
+        let each = sigma(ErringThruster::along_axes(0.01), 3);
         assert!((each[0] / (9.5 * 0.01 / f64::sqrt(3.0)) - 1.0).abs() < 0.02, "{each}");
         assert!((each[4] / (0.01 * 0.15) - 1.0).abs() < 0.02, "{each}");
         assert!(each[1] < 1e-3 * 0.15, "{each}");
-        let planar = sigma(&ErringThruster::along_axes(0.01), 2);
+        let planar = sigma(ErringThruster::along_axes(0.01), 2);
         assert!((planar[0] / (9.5 * 0.01 / f64::sqrt(2.0)) - 1.0).abs() < 0.02, "{planar}");
         assert!((planar[9] / (0.01 * 0.16) - 1.0).abs() < 0.02 && planar[4] == 0.0, "{planar}");
         // twelve that err by themselves: the mean of all
-        let pairs = sigma(&ErringThruster::in_pairs(0.01, 0.1), 3);
+        let pairs = sigma(ErringThruster::in_pairs(0.01, 0.1), 3);
         assert!((pairs[0] / (9.5 * 0.01 / f64::sqrt(12.0)) - 1.0).abs() < 0.05, "{pairs}");
     }
 
     #[test]
     fn of_a_vague_body_nearly_all_can_be_learned_and_of_one_that_is_known_next_to_nothing() {
-        let thrusters = ErringThruster::along_axes(0.01);
-        let lasts = lasting(&thrusters, &body(), 3).unwrap().diagonal().map(f64::sqrt);
+        let errors = of_thrusters(ErringThruster::along_axes(0.01));
+        let lasts = lasting(&errors, &body(), 3).unwrap().diagonal().map(f64::sqrt);
         let vague = ModelBelief::vague(3, body(), [0.3, 0.05, 0.3]);
-        let left = learnable(&thrusters, &vague, 3).unwrap();
+        let left = learnable(&errors, &vague, 3).unwrap();
         assert_eq!(left.revision, 3);
         let (all, left) = (sigma_about_com(&vague), sigma_about_com(&left));
         // What is left and what lasts are the whole.
@@ -147,17 +163,36 @@ mod tests {
         let inertia = Matrix3::from_diagonal(&Vector3::new(0.15, 0.14, 0.16));
         let known = InertialParameters::about_com(9.5, Vector3::zeros(), inertia);
         let known = ModelBelief::vague(4, known, [1e-4, 1e-5, 1e-4]);
-        let shares =
-            sigma_about_com(&learnable(&thrusters, &known, 3).unwrap()).component_div(&sigma_about_com(&known));
+        let shares = sigma_about_com(&learnable(&errors, &known, 3).unwrap()).component_div(&sigma_about_com(&known));
         for (i, share) in shares.iter().enumerate() {
             let expected = if [0, 4, 7, 9].contains(&i) { f64::sqrt(1.0 - MOST_LASTING) } else { 1.0 };
             assert!((share - expected).abs() < 1e-6, "{i} {share}");
         }
     }
 
+    /// By hand: of a product of two equal moments half of either axis's error.
+    #[test]
+    fn axes_of_a_gyroscope_leave_products_of_inertia_untold() {
+        let body = InertialParameters::about_com(9.5, Vector3::zeros(), Matrix3::from_diagonal_element(0.15));
+        let errors = LastingErrors {
+            thrusters: [ErringThruster::NONE; THRUSTERS],
+            rate_axes: AxisErrors { scale: 0.0, misalignment: 2e-3 },
+        };
+        let of = |axes| lasting(&errors, &body, axes).unwrap().diagonal().map(f64::sqrt);
+        let (space, table) = (of(3), of(2));
+        for (i, sigma) in space.iter().enumerate() {
+            let expected = if [5, 6, 8].contains(&i) { 0.15 * 2e-3 / 2_f64.sqrt() } else { 0.0 };
+            assert!((sigma - expected).abs() < 1e-12, "{i} {sigma}");
+        }
+        assert_eq!(table, SVector::zeros());
+        let vague = ModelBelief::vague(1, body, [0.3, 0.05, 0.3]);
+        let (all, left) = (sigma_about_com(&vague), sigma_about_com(&learnable(&errors, &vague, 3).unwrap()));
+        assert!((f64::sqrt(all[6] * all[6] - left[6] * left[6]) / space[6] - 1.0).abs() < 1e-3, "{all} {left}");
+    }
+
     #[test]
     fn with_exact_thrusters_a_belief_stays_as_it_is() {
         let belief = ModelBelief::vague(1, body(), [0.3, 0.05, 0.3]);
-        assert_eq!(learnable(&[ErringThruster::NONE; THRUSTERS], &belief, 3).unwrap(), belief);
+        assert_eq!(learnable(&of_thrusters([ErringThruster::NONE; THRUSTERS]), &belief, 3).unwrap(), belief);
     }
 }
