@@ -588,6 +588,7 @@ where
                 }
             }
             Action::Stop => self.stop_from(&self.flown.at(time_s).state)?,
+            Action::Brake => self.stop_by_brake()?,
             Action::HoldHere => self.hold_here()?,
             Action::Offer { .. } => {
                 observer.offered(self.time_ns, &self.belief);
@@ -636,10 +637,23 @@ where
         let LoopSettings { body, check_margin_m, .. } = &*self.settings;
         let gentle = MissionMotion::stopping_from(state, time_s, &self.stop_limits());
         let is_clear = gentle.first_contact(&self.scene.world, body, time_s, *check_margin_m)?.is_none();
-        self.flown = Flown::only(gentle, self.belief.revision);
-        let braking = self.braking(&self.state());
-        self.braking_until_s = (!is_clear && !braking.is_soft).then(|| braking.until_s(time_s));
+        (self.flown, self.braking_until_s) = (Flown::only(gentle, self.belief.revision), None);
+        if !is_clear {
+            self.begin_to_brake();
+        }
         Ok(())
+    }
+
+    /// The brake from where the robot is, until what is left may be stopped gently.
+    fn stop_by_brake(&mut self) -> Result<(), PlanningError> {
+        self.hold_here()?;
+        self.begin_to_brake();
+        Ok(())
+    }
+
+    fn begin_to_brake(&mut self) {
+        let braking = self.braking(&self.state());
+        self.braking_until_s = (!braking.is_soft).then(|| braking.until_s(seconds(self.time_ns)));
     }
 
     /// What acts besides the actuators; that of the wheels as if their momentum stayed.
@@ -753,6 +767,7 @@ where
         if let Some(wrench_body) = self.brake(&state)? {
             let held = |acting: &Wrench<f64>| self.settings.brake.within(&(wrench_body - *acting));
             let wrench_body = beside.map_or(wrench_body, held);
+            let wrench_body = self.asked_of_doubted(&wrench_body).unwrap_or(wrench_body);
             // the belief it names is that of the controller, which takes over again
             let unnamed = ControlCommand { wrench_body, model_revision: 0, fallback: None, mass: None };
             let command = ControlCommand { wrench_body, fallback: None, ..self.last.unwrap_or(unnamed) };

@@ -192,7 +192,7 @@ impl Coordinator {
                     self.doubt_actuators(actions);
                 }
                 self.wants_new_controller = true;
-                self.stop(actions);
+                self.stop_by(Action::Brake, actions);
             }
             Event::BodyDoubtful => self.doubt(actions),
             Event::Restarted => {
@@ -271,11 +271,15 @@ impl Coordinator {
 
     /// Leaves what is being flown by a stop; a stop that is being flown may be one that does not do any more.
     fn stop(&mut self, actions: &mut Vec<Action>) {
+        self.stop_by(Action::Stop, actions);
+    }
+
+    fn stop_by(&mut self, action: Action, actions: &mut Vec<Action>) {
         if matches!(self.phase, Phase::Idle) {
             return;
         }
         if matches!(self.phase, Phase::Flying(_) | Phase::Resting { .. }) {
-            actions.push(Action::Stop);
+            actions.push(action);
         }
         self.rest(StartFrom::Reference, 0);
     }

@@ -181,6 +181,8 @@ pub enum Action {
     },
     /// Stop at once: from the state that is being flown.
     Stop,
+    /// Stop as hard as there is force, from where the robot is by what is measured: what is around it is not known.
+    Brake,
     /// Be at rest where the robot is by what is measured.
     HoldHere,
     /// Offer the newest belief to the controller.

@@ -249,6 +249,7 @@ impl LoopObserver for Notes<'_> {
         let (kind, said) = match action {
             Action::Note(note) => ("coordinator", note.to_string()),
             Action::Stop => ("coordinator", "stop".to_owned()),
+            Action::Brake => ("coordinator", "brake".to_owned()),
             Action::HoldHere => ("coordinator", "hold where the robot is".to_owned()),
             Action::RenewController => ("coordinator", "a new controller".to_owned()),
             Action::ResetEstimator => ("coordinator", "the estimator begins anew".to_owned()),
