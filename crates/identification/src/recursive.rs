@@ -41,8 +41,8 @@ pub use extended_kalman::{DifferentiableModel, ExtendedKalmanFilter, FilterModel
 #[cfg(feature = "std")]
 pub use flight_estimator::{
     AxisErrors, BeginStage, BodyStage, ErringThruster, FilterMemory, FlightEstimator, FlightEstimatorSettings,
-    FlightHealth, FlightMeasurement, GaussMarkov, LearningTargets, Reception, ReceptionCounts, SlowErrors, THRUSTERS,
-    TwoStageEstimator, WindowRows, WrenchErrors, grasp_or_release,
+    FlightHealth, FlightMeasurement, GaussMarkov, LearningTargets, Reception, ReceptionCounts, SlowErrors, Suspect,
+    THRUSTERS, TwoStageEstimator, WindowRows, WrenchErrors, grasp_or_release,
 };
 #[cfg(feature = "research")]
 pub use inverse_inertia::{InverseInertia, InverseInertiaSample};

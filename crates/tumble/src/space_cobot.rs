@@ -76,7 +76,7 @@ pub fn erring_rotors() -> Result<[ErringThruster; THRUSTERS], DynamicsError> {
     let mut erring = [ErringThruster::NONE; THRUSTERS];
     for (group, (erring, rotor)) in erring.iter_mut().zip(rotors()?.rotors()).enumerate() {
         let push = rotor.wrench_body().to_vector() / ROTOR_THRUST_N;
-        *erring = ErringThruster { push_body: push.into(), relative: THRUST_SIGMA, group };
+        *erring = ErringThruster { push_body: push.into(), relative: THRUST_SIGMA, group, supply: group };
     }
     Ok(erring)
 }

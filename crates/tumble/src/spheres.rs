@@ -61,7 +61,7 @@ pub fn erring_thrusters() -> Result<[ErringThruster; THRUSTERS], DynamicsError> 
     Ok(core::array::from_fn(|i| {
         let thruster = &set.thrusters()[i];
         let push = thruster.wrench_body().to_vector() / thruster.largest_thrust_n;
-        ErringThruster { push_body: push.into(), relative: THRUST_SIGMA, group: 2 * (i / 4) + i % 2 }
+        ErringThruster { push_body: push.into(), relative: THRUST_SIGMA, group: 2 * (i / 4) + i % 2, supply: 0 }
     }))
 }
 

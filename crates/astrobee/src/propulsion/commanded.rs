@@ -44,6 +44,7 @@ pub fn erring_nozzles(thrust_sigma: f64) -> [ErringThruster; 12] {
         push_body: Vector6::from(NOZZLES[nozzle].wrench_per_thrust()).into(),
         relative: thrust_sigma,
         group: group(nozzle),
+        supply: nozzle / 6,
     })
 }
 

@@ -11,6 +11,7 @@ mod reception;
 mod separate_bias;
 mod settings;
 mod slow_errors;
+mod suspects;
 mod two_stage;
 mod wrench_history;
 
@@ -18,7 +19,7 @@ mod wrench_history;
 mod tests;
 
 pub use axis_errors::AxisErrors;
-pub use erring_thrusters::{ErringThruster, THRUSTERS};
+pub use erring_thrusters::{ErringThruster, Suspect, THRUSTERS};
 pub use health::FlightHealth;
 pub use reception::{FlightMeasurement, Reception, ReceptionCounts};
 pub use settings::{FlightEstimatorSettings, LearningTargets, WrenchErrors, grasp_or_release};
@@ -35,12 +36,13 @@ use crate::recursive::joint_motion::{JointState, parameters_by_chart};
 use crate::{BodyScale, Estimate};
 use body_score::ScoreLimits;
 use filtered::{Filtered, Rules, in_chart};
-use first_lessons::FirstLessons;
+use first_lessons::{FirstLessons, WORK};
 use flight_motion::{BODY, FlightMotion, FlightState};
 use health::Thresholds;
 use nalgebra::{SMatrix, SVector, Vector3};
 use reception::{checked, kinds};
 use std::collections::VecDeque;
+use suspects::Suspects;
 use wrench_history::WrenchHistory;
 
 /// Moments kept: more than a second of measurements at 62.5 Hz.
@@ -89,6 +91,7 @@ pub struct FlightEstimator {
     /// Events that were kept once.
     dropped: u64,
     lessons: FirstLessons,
+    suspects: Suspects,
     /// Of those that never entered the stream.
     apart: ReceptionCounts,
     known: bool,
@@ -148,6 +151,7 @@ impl FlightEstimator {
             settled: 0,
             dropped: 0,
             lessons,
+            suspects: Suspects::NONE,
             apart: ReceptionCounts::default(),
             known: false,
             scale,
@@ -193,7 +197,19 @@ impl FlightEstimator {
             }
             match event {
                 Event::Measured(measurement) => self.lessons.keep(measurement),
-                Event::Changed(_) | Event::WrenchDoubted | Event::Restarted(..) => self.lessons.begin_at(moment),
+                Event::Changed(_) | Event::WrenchDoubted => {
+                    // Who is named stays so.
+                    if self.suspects.named.is_none()
+                        && let Some(before) = self.moments.get(self.settled)
+                    {
+                        self.suspects.begin(before, moment);
+                    }
+                    self.lessons.begin_at(moment);
+                }
+                Event::Restarted(..) => {
+                    self.suspects.end();
+                    self.lessons.begin_at(moment);
+                }
                 Event::Start | Event::Coasted | Event::Revised(..) => {}
             }
             self.settled += 1;
@@ -202,7 +218,12 @@ impl FlightEstimator {
             return;
         }
         let Some(settled) = self.moments.get_mut(self.settled) else { return };
-        let Some(learned) = self.lessons.learned(&self.rules, &self.history, settled) else { return };
+        let mut work = WORK;
+        let Some(learned) = self.lessons.learned(&self.rules, &self.history, settled, &mut work) else {
+            let measured = self.lessons.measurements();
+            self.suspects.go_on(&self.rules, &self.history, measured, &mut work, settled);
+            return;
+        };
         **settled = learned;
         self.filter_from(self.settled + 1, self.settled + 1);
     }
@@ -414,7 +435,12 @@ impl FlightEstimator {
     /// Whether the filter's own account of its errors is still true.
     pub fn health(&self) -> FlightHealth {
         let newest = self.newest();
-        FlightHealth { relearning: self.lessons.are_underway(newest), ..newest.monitor.health() }
+        FlightHealth {
+            relearning: self.lessons.are_underway(newest),
+            thrust_doubtful: self.suspects.is_thrust,
+            suspect: self.suspects.named,
+            ..newest.monitor.health()
+        }
     }
 
     /// The body back to a prior from now on, the motion kept, the wander of the localisation as loud as the settings state. Called again and again for

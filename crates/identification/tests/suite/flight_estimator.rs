@@ -6,7 +6,7 @@ use tumble_identification::dynamics::{InertialParameters, LogCholesky, RigidBody
 use tumble_identification::lie::{Manifold, Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, Quaternion, SVector, Translation3, Unit, UnitQuaternion, Vector3};
 use tumble_identification::recursive::{
-    FlightEstimator, FlightMeasurement, LearningTargets, Reception, grasp_or_release,
+    FlightEstimator, FlightMeasurement, LearningTargets, Reception, Suspect, grasp_or_release,
 };
 use tumble_identification::statistics::{chi_square_quantile, coverage_band};
 
@@ -370,6 +370,7 @@ fn a_grasp_at_arms_length_is_learned_although_noticed_late() {
         let account = flight.account();
         let is_within = account.errors.iter().zip(&account.deviations).all(|(error, s)| error.abs() < 4.0 * s);
         learned += u64::from(doubts.len() == 1 && is_within);
+        assert!(!flight.estimator.health().thrust_doubtful, "{seed}: a body was taken for a thruster");
         accounts.push((seed, doubts, account));
     }
     // Of ninety flights 80 learned it, the others were doubted again: what is learned in the first seconds is learned about a body that is
@@ -420,6 +421,24 @@ fn a_lost_nozzle_is_the_wrenchs_fault_and_not_the_bodys() {
         assert!(is_within && account.errors[0].abs() < 0.05, "{seed} {account:?}");
     }
     assert!(Flight::new(8, Conditions::usual()).estimator.compensated(&wanted).is_none());
+}
+
+/// Of eight flights that lose a nozzle thrust is blamed in all, and the nozzle named in most: the third one along y, of twelve.
+#[test]
+fn a_lost_nozzle_is_found_by_what_was_seen_since_the_body_was_doubted() {
+    let mut named = vec![];
+    for seed in 8..16 {
+        let (_, flight) = doubts_of_a_lost_nozzle(seed, |doubt, estimator| {
+            if doubt == 1 {
+                estimator.body_changed(&grasp_or_release());
+            }
+        });
+        let health = flight.estimator.health();
+        assert!(health.thrust_doubtful, "{seed}");
+        named.push(health.suspect);
+    }
+    let right = named.iter().filter(|suspect| **suspect == Some(Suspect::Thruster(4))).count();
+    assert!(right >= 6 && named.iter().flatten().count() == right, "{named:?}");
 }
 
 /// Moves the map for 3 s, and then lets it glide back within 2 s.

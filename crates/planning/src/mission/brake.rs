@@ -32,11 +32,33 @@ pub(super) struct Braking {
     limits: StopLimits,
 }
 
+/// Shares of a force that are asked for, until what that takes is there.
+const GIVING_WAY: [f64; 9] = [1.0, 0.875, 0.75, 0.625, 0.5, 0.375, 0.25, 0.125, 0.0];
+
 impl BrakeLimits {
     /// The wrench, cut to what there is.
     pub(super) fn within(&self, wrench_body: &Wrench<f64>) -> Wrench<f64> {
         let force = wrench_body.force.zip_map(&self.force_n, |force, most| force.clamp(-most, most));
         Wrench::new(shortened(wrench_body.torque, self.torque_n_m).0, force)
+    }
+
+    /// What to ask of actuators that are compensated for, cut to what there is: where it is not enough the force gives way to the torque. A force that is
+    /// cut leaves the torque that was to hold against its side effects, and a robot that spins is lost. `None` where nothing is to be compensated.
+    pub(super) fn giving_way(
+        &self,
+        wanted: &Wrench<f64>,
+        compensated: impl Fn(&Wrench<f64>) -> Option<Wrench<f64>>,
+    ) -> Option<Wrench<f64>> {
+        let mut cut = None;
+        for share in GIVING_WAY {
+            let asked = compensated(&Wrench::new(wanted.torque, wanted.force * share))?;
+            let within = self.within(&asked);
+            cut = Some(within);
+            if within == asked {
+                break;
+            }
+        }
+        cut
     }
 
     /// Shares of force and torque that are left where so much is needed to hold against what else acts: zero to one.
@@ -174,6 +196,26 @@ mod tests {
             let (state, _) = braked(&body(1.0), &body(factor));
             assert!(state.twist_body.linear.norm() < 0.006, "{factor}: {state:?}");
         }
+    }
+
+    /// A force along x that also turns about z: half of it is all that can be held.
+    #[test]
+    fn a_force_gives_way_to_the_torque_that_holds_against_it() {
+        let arm_m = 2.0 * LIMITS.torque_n_m / LIMITS.force_n.x;
+        let held = |wrench: &Wrench<f64>| {
+            let against = Vector3::new(0.0, 0.0, arm_m * wrench.force.x);
+            Some(Wrench::new(wrench.torque - against, wrench.force))
+        };
+        let full = Wrench::new(Vector3::zeros(), Vector3::new(LIMITS.force_n.x, 0.0, 0.0));
+        let asked = LIMITS.giving_way(&full, held).unwrap();
+        assert_eq!((asked.force.x, asked.torque.z), (0.5 * LIMITS.force_n.x, -LIMITS.torque_n_m));
+        let little = Wrench::new(Vector3::zeros(), full.force * 0.1);
+        assert_eq!(LIMITS.giving_way(&little, held), held(&little));
+        // a torque alone that is too large is cut
+        let turn = Wrench::new(Vector3::new(0.0, 3.0 * LIMITS.torque_n_m, 0.0), full.force);
+        let asked = LIMITS.giving_way(&turn, held).unwrap();
+        assert!(asked.force == Vector3::zeros() && (asked.torque.y - LIMITS.torque_n_m).abs() < 1e-15, "{asked:?}");
+        assert_eq!(LIMITS.giving_way(&full, |_| None), None);
     }
 
     #[test]

@@ -437,6 +437,9 @@ where
         if health.body_doubtful && !self.health.body_doubtful {
             self.events.push_back(Event::BodyDoubtful);
         }
+        if health.thrust_doubtful && !self.health.thrust_doubtful {
+            self.events.push_back(Event::ThrustDoubtful);
+        }
         self.health = health;
     }
 
@@ -738,19 +741,9 @@ where
         });
     }
 
-    /// What to ask of doubted actuators for a wrench, within their limits; `None` where they are not in doubt. Where there is not so much, the force
-    /// gives way to the torque: a force that is cut leaves the torque that was to hold against its side effects, and a robot that spins is lost.
+    /// What to ask of doubted actuators for a wrench, within their limits; `None` where they are not in doubt.
     fn asked_of_doubted(&self, wanted: &Wrench<f64>) -> Option<Wrench<f64>> {
-        let mut cut = None;
-        for share in GIVING_WAY {
-            let asked = self.estimator.compensated(&Wrench::new(wanted.torque, wanted.force * share))?;
-            let within = self.settings.brake.within(&asked);
-            cut = Some(within);
-            if within == asked {
-                break;
-            }
-        }
-        cut
+        self.settings.brake.giving_way(wanted, |wrench| self.estimator.compensated(wrench))
     }
 
     fn control(&mut self, observer: &mut dyn LoopObserver) -> Result<ControlCommand, PlanningError> {
@@ -795,9 +788,6 @@ where
         Ok(command)
     }
 }
-
-/// Shares of a force that doubted actuators are asked for, until one is within their limits.
-const GIVING_WAY: [f64; 9] = [1.0, 0.875, 0.75, 0.625, 0.5, 0.375, 0.25, 0.125, 0.0];
 
 /// What an estimator knows of the body, as it says it and as planners are told.
 fn body_of<E: StateEstimator>(estimator: &E) -> Result<(Finding, Estimate), PlanningError> {

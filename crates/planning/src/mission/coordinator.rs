@@ -195,6 +195,10 @@ impl Coordinator {
                 self.stop_by(Action::Brake, actions);
             }
             Event::BodyDoubtful => self.doubt(actions),
+            Event::ThrustDoubtful => {
+                actions.push(Action::Note(Note::ActuatorsDisagree));
+                self.doubt_actuators(actions);
+            }
             Event::Restarted => {
                 self.wants_new_controller = true;
                 self.hold_here(Note::Restarted, actions);

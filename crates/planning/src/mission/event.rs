@@ -82,6 +82,8 @@ pub enum Event {
     Diverged,
     /// The body is no longer what it was: something was grasped, lost, or slipped; or actuators do not do what they are told.
     BodyDoubtful,
+    /// What was seen since the body was doubted is explained by actuators better than by another body.
+    ThrustDoubtful,
     /// The controller brakes, for its own reasons, and needs a new plan.
     Braking,
     /// The computer started anew: what was on its way is lost.

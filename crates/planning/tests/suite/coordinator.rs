@@ -311,12 +311,25 @@ fn a_body_that_is_doubted_again_at_once_is_not_what_is_wrong() {
 }
 
 #[test]
+fn what_thrust_explains_better_is_blamed_on_thrust() {
+    let (mut told, _) = Told::flying();
+    told.hear(Event::BodyDoubtful);
+    told.now_ns += 8 * SECOND;
+    let note = Action::Note(Note::ActuatorsDisagree);
+    assert_eq!(told.hear(Event::ThrustDoubtful), [note, Action::DoubtWrench]);
+    // once and for good
+    assert_eq!(told.hear(Event::ThrustDoubtful), [note]);
+}
+
+#[test]
 fn a_body_that_was_doubted_and_that_no_other_one_explains_is_pushed_by_another_thrust() {
     let (mut told, _) = Told::flying();
     told.hear(Event::BodyDoubtful);
     told.now_ns += 8 * SECOND;
     let said = told.hear(Event::Diverged);
     assert!(said.contains(&Action::ResetEstimator) && said.contains(&Action::DoubtWrench), "{said:?}");
+    // nobody knows where the robot is: as hard as can be
+    assert!(said.contains(&Action::Brake) && !said.contains(&Action::Stop), "{said:?}");
     // once and for good
     told.now_ns += SECOND;
     assert!(!told.hear(Event::Diverged).contains(&Action::DoubtWrench));
@@ -452,7 +465,7 @@ fn events() -> impl Strategy<Value = Vec<(i64, Event)>> {
         1 => (0_u64..4, prop::option::of(0..100 * SECOND))
             .prop_map(|(revision, contact_ns)| Event::World { revision, contact_ns }),
         1 => prop_oneof![
-            Just(Event::Relocalised), Just(Event::Diverged), Just(Event::BodyDoubtful), Just(Event::Braking),
+            Just(Event::Relocalised), Just(Event::Diverged), Just(Event::BodyDoubtful), Just(Event::ThrustDoubtful), Just(Event::Braking),
             Just(Event::Restarted), any::<bool>().prop_map(Event::Known)
         ],
     ];

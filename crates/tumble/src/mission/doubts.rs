@@ -2,7 +2,7 @@
 
 use super::record::{DoubtOf, DoubtRow};
 use std::collections::VecDeque;
-use tumble_identification::recursive::{FlightHealth, ReceptionCounts};
+use tumble_identification::recursive::{FlightHealth, ReceptionCounts, Suspect};
 use tumble_planning::mission::{Action, Event};
 
 /// A doubt is lifted when nothing has given cause for it for so long, s: as long as an estimator takes to get acquainted with a body that was
@@ -73,6 +73,8 @@ pub(super) struct DoubtWatch {
     map: Option<Spell>,
     moves: u32,
     actuators_since_s: Option<f64>,
+    /// What of them failed alone.
+    suspect: Option<Suspect>,
     /// Before this the body is not known well enough to compare beliefs, s.
     acquainted_s: f64,
     compared_s: f64,
@@ -92,6 +94,7 @@ impl DoubtWatch {
             map: None,
             moves: 0,
             actuators_since_s: None,
+            suspect: None,
             acquainted_s: start_s + LIFTED_AFTER_S,
             compared_s: f64::NEG_INFINITY,
             beliefs: Vec::new(),
@@ -134,6 +137,7 @@ impl DoubtWatch {
         counts: &ReceptionCounts,
         (value, sigma): &([f64; 10], [f64; 10]),
     ) {
+        self.suspect = health.suspect;
         // From when actuators are in doubt, a motion that is none of this body is theirs.
         let is_doubtful = health.body_doubtful && self.actuators_since_s.is_none();
         if self.body.is_some() && (is_doubtful || health.diverged) {
@@ -222,8 +226,17 @@ impl DoubtWatch {
         self.write_body(None);
         self.write_map(None);
         if let Some(since_s) = self.actuators_since_s {
-            let text = "the motion fits neither the body as it was nor another one: thrust is not what is asked for"
-                .to_owned();
+            // counted from one, as in the columns of a log
+            let text = match self.suspect {
+                Some(Suspect::Thruster(place)) => {
+                    format!("thruster {} does not give what it is told", place + 1)
+                }
+                Some(Suspect::Supply(supply)) => {
+                    format!("the thrusters of supply {} do not give what they are told", supply + 1)
+                }
+                None => "the motion fits neither the body as it was nor another one: thrust is not what is asked for"
+                    .to_owned(),
+            };
             self.rows.push(DoubtRow { what: DoubtOf::Actuators, since_s, until_s: None, text });
         }
         self.rows.sort_by(|a, b| a.since_s.total_cmp(&b.since_s));

@@ -232,6 +232,7 @@ impl LoopObserver for Notes<'_> {
             Event::Relocalised => "the localisation moved for good".to_owned(),
             Event::Diverged => "the estimator contradicts its measurements".to_owned(),
             Event::BodyDoubtful => "the body is another than it was".to_owned(),
+            Event::ThrustDoubtful => "thrust explains the motion better than another body".to_owned(),
             Event::Braking => "the controller brakes".to_owned(),
             Event::Restarted => "the computer started anew".to_owned(),
             Event::Known(true) => "the body is known as well as asked for".to_owned(),

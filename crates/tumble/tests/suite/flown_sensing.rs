@@ -133,3 +133,30 @@ fn time_beyond_what_the_localisation_survives_is_counted() {
     assert!(beyond_s("tight", limits(0.03, 0.006)) > 0.1);
     assert!(beyond_s("wide", limits(3.0, 3.0)) == 0.0);
 }
+
+/// A gyroscope whose axes are off by half a degree makes products of inertia of its own: they are stated as wide as that.
+#[test]
+fn axes_of_a_gyroscope_that_are_off_make_products_of_inertia_less_certain() {
+    let folder = scratch("sensing-axes");
+    let nominal = printed(&folder, &["sensing", "show", "nominal"]);
+    let (before, rate) = nominal.split_once("[rate]").unwrap();
+    let line = rate.lines().find(|line| line.starts_with("misalignment_sigma")).unwrap();
+    let off = format!("{before}[rate]{}", rate.replacen(line, "misalignment_sigma = 0.0087", 1));
+    fs::write(folder.join("off.toml"), off).unwrap();
+    let missions =
+        ["campaign", "iss-cargo", "--missions", "6", "--seed", "5", "--sensing", "off.toml", "--out", "c", "--json"];
+    succeed(&folder, &missions);
+    let rows = fs::read_to_string(folder.join("c/rows.csv")).unwrap();
+    let mut lines = rows.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let names = lines.next().unwrap();
+    let mut scores = Vec::new();
+    for row in lines {
+        let value = |name: &str| row[names.iter().position(|column| *column == name).unwrap()].parse::<f64>().unwrap();
+        for product in ["inertia_xy", "inertia_xz", "inertia_yz"] {
+            let error = value(&format!("{product}_estimate")) - value(&format!("{product}_truth"));
+            scores.push(error / value(&format!("{product}_sigma")));
+        }
+    }
+    let rms = (scores.iter().map(|score| score * score).sum::<f64>() / scores.len() as f64).sqrt();
+    assert!(scores.len() == 18 && (0.5..1.5).contains(&rms), "{rms} {scores:?}");
+}

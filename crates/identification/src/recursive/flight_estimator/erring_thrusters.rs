@@ -20,6 +20,9 @@ pub struct ErringThruster {
     /// Thrusters of one number cancel where they all give the same, and of every wrench the least of them gives nothing. One that is alone with its
     /// number may push either way.
     pub group: usize,
+    /// Thrusters of one number draw on one supply: one of them that stands open or shut takes from the others or gives to them, and they fail together
+    /// with it.
+    pub supply: usize,
 }
 
 impl ErringThruster {
@@ -28,12 +31,13 @@ impl ErringThruster {
         push_body: Wrench { torque: Vector3::new(0.0, 0.0, 0.0), force: Vector3::new(0.0, 0.0, 0.0) },
         relative: 0.0,
         group: 0,
+        supply: 0,
     };
 
     /// Six thrusters of a robot that pushes along and turns about each body axis by a maker of its own, either way, each off by `relative`.
     pub fn along_axes(relative: f64) -> [Self; THRUSTERS] {
         let push = |axis: usize| if axis < 6 { Vector6::ith(axis, 1.0) } else { Vector6::zeros() };
-        core::array::from_fn(|axis| Self { push_body: push(axis).into(), relative, group: axis })
+        core::array::from_fn(|axis| Self { push_body: push(axis).into(), relative, group: axis, supply: 0 })
     }
 
     /// Twelve thrusters in six opposite pairs: four push along each axis, to either side of the middle by `arm_m`, so that the difference of
@@ -45,7 +49,7 @@ impl ErringThruster {
             let sign = |odd: usize| if odd == 0 { 1.0 } else { -1.0 };
             let position = Vector3::ith((axis + 1) % 3, sign(side) * arm_m);
             let force = Vector3::ith(axis, sign(sense));
-            Self { push_body: Wrench::new(position.cross(&force), force), relative, group: k / 2 }
+            Self { push_body: Wrench::new(position.cross(&force), force), relative, group: k / 2, supply: 0 }
         })
     }
 
@@ -72,6 +76,37 @@ impl ErringThruster {
 
     pub(super) fn exists(&self) -> bool {
         self.push_body.to_vector() != Vector6::zeros()
+    }
+}
+
+/// What may have failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Suspect {
+    /// The thruster at this place.
+    Thruster(usize),
+    /// All thrusters of this supply.
+    Supply(usize),
+}
+
+impl Suspect {
+    /// All that motion can tell apart: each thruster, and each supply of several that is not the supply of all.
+    pub(super) fn all(thrusters: &[ErringThruster; THRUSTERS]) -> impl Iterator<Item = Self> + '_ {
+        let erring = || thrusters.iter().filter(|thruster| thruster.relative > 0.0);
+        let supplies = (0..THRUSTERS).filter(move |k| {
+            let those = erring().filter(|other| other.supply == thrusters[*k].supply).count();
+            let is_first = thrusters[..*k].iter().all(|before| before.supply != thrusters[*k].supply);
+            is_first && (2..erring().count()).contains(&those)
+        });
+        let single = (0..THRUSTERS).filter(|k| thrusters[*k].relative > 0.0);
+        single.map(Self::Thruster).chain(supplies.map(|k| Self::Supply(thrusters[k].supply)))
+    }
+
+    /// The supply that it is, or draws on.
+    pub(super) fn supply(self, thrusters: &[ErringThruster; THRUSTERS]) -> usize {
+        match self {
+            Self::Thruster(thruster) => thrusters[thruster].supply,
+            Self::Supply(supply) => supply,
+        }
     }
 }
 
@@ -149,6 +184,21 @@ mod tests {
             let expected = if axis < 6 { Vector6::ith(axis, wrench[axis]) } else { Vector6::zeros() };
             assert!((contribution - expected).amax() < 1e-15, "{axis}: {contribution}");
         }
+    }
+
+    /// A supply of all is none that motion tells from a body, and one of a single thruster is that thruster.
+    #[test]
+    fn each_thruster_is_suspected_and_each_supply_of_several() {
+        let mut thrusters = ErringThruster::along_axes(0.01);
+        let count = |thrusters: &[ErringThruster; THRUSTERS]| Suspect::all(thrusters).count();
+        assert_eq!(count(&thrusters), 6);
+        for (k, thruster) in thrusters.iter_mut().enumerate() {
+            thruster.supply = [7, 7, 7, 2, 2, 9, 0, 0, 0, 0, 0, 0][k];
+        }
+        let all: std::vec::Vec<_> = Suspect::all(&thrusters).collect();
+        assert_eq!(all[..6], core::array::from_fn::<_, 6, _>(Suspect::Thruster));
+        assert_eq!(all[6..], [Suspect::Supply(7), Suspect::Supply(2)]);
+        assert_eq!([Suspect::Thruster(4), Suspect::Supply(9)].map(|suspect| suspect.supply(&thrusters)), [2, 9]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The filter at one moment: everything that the stream of measurements, taken in order, has made of it.
 
 use super::body_score::{BodyScore, Elsewhere, ScoreLimits};
-use super::erring_thrusters::THRUSTERS;
+use super::erring_thrusters::{Suspect, THRUSTERS};
 use super::flight_motion::{
     ACCELERATION_BIAS, ACCELERATION_SCALE, ALL_ROWS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState,
     Fresh, ROWS, Shown, THRUST, WANDER, back_into_plane,
@@ -43,8 +43,13 @@ const LOUDER: [f64; 2] = [0.05, 400.0];
 /// No body is heavier than that of the start by more than this, as a logarithm, nor lighter: a hundred times; none is longer by more than ten times.
 const MOST_MASS: f64 = 4.6;
 const MOST_EXTENT: f64 = 2.3;
+/// Force that a failed thruster may give, and by how much it changes in a second, N; share by which those of its supply, or of a supply that failed, may
+/// all give more.
+const GIVEN_N: f64 = 0.3;
+const UNSTEADY_N: f64 = 0.1;
+const SHARED: f64 = 0.1;
 /// What is known of the body is remembered every so often, s: longer than it takes to doubt it.
-const REMEMBERED_S: f64 = 3.0;
+const REMEMBERED_S: f64 = 5.0;
 /// Probability that what is blamed on actuators was a grasp or a release after all, and the body what was learned since.
 const GRASPED: f64 = 0.1;
 /// Standard deviation of the relative error of a thruster that may be dead, or give half as much again.
@@ -180,6 +185,8 @@ pub(super) struct Filtered {
     pub(super) log_likelihood: f64,
     /// Where actuators are thought not to do what they are told.
     wrench_doubt: Option<WrenchDoubt>,
+    /// What is taken to have failed where that is tried.
+    pub(super) suspect: Option<Suspect>,
     /// The body as it was known last while nothing gave cause for doubt, and before that; and in how long it is kept again, s.
     remembered: [Known; 2],
     remembered_s: f64,
@@ -224,6 +231,7 @@ impl Filtered {
             exerted: [0.0; 2],
             log_likelihood: 0.0,
             wrench_doubt: None,
+            suspect: None,
             remembered: [Known { body: state.joint.body, covariance: *body }; 2],
             remembered_s: f64::NEG_INFINITY,
             jump: None,
@@ -245,6 +253,7 @@ impl Filtered {
             // What is not finite never gets here; where a step fails all the same, the motion stays.
             let (model, louder, about) = (self.model(rules), self.louder, self.about);
             let _ = model.predict(&mut self.state, &mut self.covariance, &believed, step_s, about.as_ref(), &louder);
+            self.less_certain_of_suspect(rules, UNSTEADY_N * UNSTEADY_N * step_s);
             let share = (step_s / EXERTED_S).min(1.0);
             let Wrench { torque, force } = &believed.wrench;
             for (mean, square) in self.exerted.iter_mut().zip([torque.norm_squared(), force.norm_squared()]) {
@@ -704,6 +713,42 @@ impl Filtered {
         self.widen_drift(&rules.settings.wrench.doubted());
         self.widen_errors_of_sensors(rules);
         self.monitor = Monitor::of_learning();
+    }
+
+    /// The same from the body that was known before a doubt, which may be of what is suspected: a thruster then gives what it gives, whatever it is told,
+    /// and those of its supply more or less for that; of a supply all give more or less.
+    pub(super) fn suspecting(&self, rules: &Rules, suspect: Option<Suspect>) -> Self {
+        let mut suspecting = *self;
+        suspecting.widen_motion(rules);
+        let [_, Known { body, covariance }] = self.remembered;
+        suspecting.revise(&body, &covariance);
+        suspecting.widen_errors_of_sensors(rules);
+        suspecting.monitor = Monitor::of_learning();
+        (suspecting.wrench_doubt, suspecting.suspect, suspecting.log_likelihood) = (None, suspect, 0.0);
+        let Some(suspect) = suspect else { return suspecting };
+        let thrusters = &rules.settings.wrench.thrusters;
+        let supply = suspect.supply(thrusters);
+        let those = |k: &usize| thrusters[*k].supply == supply && thrusters[*k].relative > 0.0;
+        for (i, j) in (0..THRUSTERS).filter(those).flat_map(|i| (0..THRUSTERS).filter(those).map(move |j| (i, j))) {
+            suspecting.covariance[(THRUST + i, THRUST + j)] += SHARED * SHARED;
+        }
+        if let Suspect::Thruster(thruster) = suspect {
+            let k = THRUST + thruster;
+            suspecting.state.thrust[thruster] = -1.0;
+            suspecting.covariance.fixed_rows_mut::<1>(k).fill(0.0);
+            suspecting.covariance.fixed_columns_mut::<1>(k).fill(0.0);
+            suspecting.less_certain_of_suspect(rules, GIVEN_N * GIVEN_N);
+        }
+        suspecting
+    }
+
+    /// Less certain of what a suspected thruster gives by this variance, N^2.
+    fn less_certain_of_suspect(&mut self, rules: &Rules, variance: f64) {
+        if let Some(Suspect::Thruster(thruster)) = self.suspect {
+            let push = rules.settings.wrench.thrusters[thruster].push_body.to_vector();
+            let mut drift = self.covariance.fixed_view_mut::<6, 6>(DRIFT, DRIFT);
+            drift += push * push.transpose() * variance;
+        }
     }
 
     /// What doubted actuators are to be asked for.

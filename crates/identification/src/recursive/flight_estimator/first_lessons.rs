@@ -31,7 +31,7 @@ const REMEMBERED: usize = 3;
 /// One in so many measurements may be left out.
 const FEW: usize = 20;
 /// Steps of the filter, and those that the rows of a measurement are worth, in one control period.
-const WORK: usize = 128;
+pub(super) const WORK: usize = 128;
 const WORK_OF_ROWS: usize = 2;
 
 /// All settled measurements since the body was last made uncertain, and when to go through them again.
@@ -74,6 +74,11 @@ impl FirstLessons {
         self.measurements.clear();
         (self.next_s, self.soonest_s, self.again) = (FIRST_S, f64::INFINITY, None);
         (self.is_found, self.full) = (false, false);
+    }
+
+    /// What was measured since.
+    pub(super) fn measurements(&self) -> &[Measurement] {
+        &self.measurements
     }
 
     /// Keeps a measurement that nothing will come before any more.
@@ -128,7 +133,13 @@ impl FirstLessons {
     /// likelier.
     ///
     /// An accelerometer that is believed by now is believed from the start on: what it showed while it was doubted is not lost.
-    pub(super) fn learned(&mut self, rules: &Rules, history: &WrenchHistory, now: &Filtered) -> Option<Filtered> {
+    pub(super) fn learned(
+        &mut self,
+        rules: &Rules,
+        history: &WrenchHistory,
+        now: &Filtered,
+        work: &mut usize,
+    ) -> Option<Filtered> {
         if self.full || history.complete_since_ns() > self.start.stamp_ns {
             self.again = None;
             return None;
@@ -149,15 +160,14 @@ impl FirstLessons {
             self.again = Some(Again::from(&self.start, &now.state.joint.body, self.measurements.len()));
         }
         let again = self.again.as_mut()?;
-        let mut work = WORK;
         while again.is_searching() {
-            if !again.pass.go_on(rules, history, &self.measurements[..again.of], &mut work) {
+            if !again.pass.go_on(rules, history, &self.measurements[..again.of], work) {
                 return None;
             }
             again.next_pass(rules.settings.slow.wanders(), &self.start);
         }
         // What came while it was gone through.
-        if !again.pass.go_on(rules, history, &self.measurements, &mut work) {
+        if !again.pass.go_on(rules, history, &self.measurements, work) {
             return None;
         }
         let mut learned = self.again.take()?.pass.filtered;
@@ -260,8 +270,8 @@ impl Mixing {
 
 /// A pass through the measurements, linear about one body.
 #[derive(Clone, Copy, Debug)]
-struct Pass {
-    filtered: Filtered,
+pub(super) struct Pass {
+    pub(super) filtered: Filtered,
     /// The first measurement that it has not taken.
     next: usize,
     /// Measurements that were not learned from.
@@ -271,7 +281,7 @@ struct Pass {
 }
 
 impl Pass {
-    fn about(start: &Filtered, about: &LogCholesky<f64>) -> Self {
+    pub(super) fn about(start: &Filtered, about: &LogCholesky<f64>) -> Self {
         let mut filtered = *start;
         filtered.about = Some(*about);
         Self { filtered, next: 0, left_out: 0, is_settled: false }
@@ -283,7 +293,7 @@ impl Pass {
     }
 
     /// Takes measurements as long as there is work left; whether it has taken all.
-    fn go_on(
+    pub(super) fn go_on(
         &mut self,
         rules: &Rules,
         history: &WrenchHistory,

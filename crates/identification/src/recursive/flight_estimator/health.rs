@@ -1,5 +1,6 @@
 //! Whether the filter's own account of its errors is still true.
 
+use super::erring_thrusters::Suspect;
 use super::flight_motion::ALL_ROWS as ROWS;
 use super::settings::FlightEstimatorSettings;
 use crate::error::IdentificationError;
@@ -28,6 +29,11 @@ pub struct FlightHealth {
     /// The body is just being learned again, or is far from the one that all is linear about and waits for that: until that has come to its end, what is
     /// known of it may be surer than it should be.
     pub relearning: bool,
+    /// What was seen since the body was doubted is explained by thrust better than by another body: see
+    /// [`wrench_doubtful`](super::FlightEstimator::wrench_doubtful).
+    pub thrust_doubtful: bool,
+    /// What failed, where it is one thruster or supply alone.
+    pub suspect: Option<Suspect>,
 }
 
 /// Levels that innovations are compared with.
@@ -283,6 +289,8 @@ impl Monitor {
             diverged: self.diverged,
             body_doubtful: self.doubt_s > 0.0,
             relearning: false,
+            thrust_doubtful: false,
+            suspect: None,
         }
     }
 }

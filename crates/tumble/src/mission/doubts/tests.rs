@@ -102,6 +102,21 @@ fn actuators_stay_in_doubt() {
     assert_eq!(spells(watch), [(DoubtOf::Actuators, 20, None)]);
 }
 
+/// Counted from one, as in the columns of a log.
+#[test]
+fn a_thruster_that_fails_is_named() {
+    let text = |suspect: Option<Suspect>| {
+        let mut watch = DoubtWatch::new(0.0, GATE);
+        watch.answered(20.0, &Action::DoubtWrench);
+        let health = FlightHealth { suspect, ..FlightHealth::default() };
+        watch.see(21.0, &health, &ReceptionCounts::default(), &(body(12.0), SIGMA));
+        watch.finish().pop().unwrap().text
+    };
+    assert_eq!(text(Some(Suspect::Thruster(10))), "thruster 11 does not give what it is told");
+    assert_eq!(text(Some(Suspect::Supply(1))), "the thrusters of supply 2 do not give what they are told");
+    assert!(text(None).contains("thrust is not what is asked for"));
+}
+
 #[test]
 fn measurements_refused_far_more_often_than_gates_should_are_a_doubt() {
     let refusing = |share: f64| {
