@@ -462,8 +462,8 @@ impl FlightEstimator {
     }
 
     /// Actuators do not do what they are told: from now on, for good, the wrench may be off by what is
-    /// [`WrenchErrors::doubted`], and each thruster by half of what it gives, whatever was known before. The body is again what it was known to be three
-    /// to six seconds before it was first doubted, less certain by a third of the way to what it has been taken for since, and learned on only where its
+    /// [`WrenchErrors::doubted`], and each thruster by half of what it gives, whatever was known before. The body is again what it was known to be five
+    /// to ten seconds before it was first doubted, less certain by a third of the way to what it has been taken for since, and learned on only where its
     /// mass was not known to a tenth: no motion tells it from such thrust.
     /// Motion and slow errors of the sensors are less certain, too, once.
     pub fn wrench_doubtful(&mut self) {

@@ -91,13 +91,14 @@ pub enum Suspect {
 impl Suspect {
     /// All that motion can tell apart: each thruster, and each supply of several that is not the supply of all.
     pub(super) fn all(thrusters: &[ErringThruster; THRUSTERS]) -> impl Iterator<Item = Self> + '_ {
-        let erring = || thrusters.iter().filter(|thruster| thruster.relative > 0.0);
+        let errs = |thruster: &ErringThruster| thruster.exists() && thruster.relative > 0.0;
+        let erring = move || thrusters.iter().filter(move |thruster| errs(thruster));
         let supplies = (0..THRUSTERS).filter(move |k| {
             let those = erring().filter(|other| other.supply == thrusters[*k].supply).count();
             let is_first = thrusters[..*k].iter().all(|before| before.supply != thrusters[*k].supply);
             is_first && (2..erring().count()).contains(&those)
         });
-        let single = (0..THRUSTERS).filter(|k| thrusters[*k].relative > 0.0);
+        let single = (0..THRUSTERS).filter(move |k| errs(&thrusters[*k]));
         single.map(Self::Thruster).chain(supplies.map(|k| Self::Supply(thrusters[k].supply)))
     }
 

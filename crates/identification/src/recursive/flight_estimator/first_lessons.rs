@@ -366,7 +366,7 @@ mod tests {
             let mut now = start;
             now.stamp_ns = 2_500_000_000;
             now.state.joint.body.log_mass += more_mass;
-            assert!(lessons.learned(&estimator.rules, &estimator.history, &now).is_some());
+            assert!(lessons.learned(&estimator.rules, &estimator.history, &now, &mut WORK.clone()).is_some());
             now.state.joint.body.log_mass = start.state.joint.body.log_mass + 1.2 * FAR_OFF;
             assert_eq!(lessons.are_underway(&now), !is_found);
         }

@@ -7,7 +7,7 @@ use super::wrench_history::WrenchHistory;
 use crate::estimator::Measurement;
 
 /// When suspects are tried after a doubt, s.
-const TRIED_S: [f64; 3] = [4.0, 6.0, 9.0];
+const TRIED_S: [f64; 2] = [6.0, 9.0];
 /// By how much likelier, as a logarithm, measurements have to be under a suspect than under what is believed and under nothing that failed before thrust is
 /// doubted, and than under any other suspect before that one is named.
 const DOUBTED: f64 = 8.0;
