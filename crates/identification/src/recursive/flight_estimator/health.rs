@@ -13,6 +13,7 @@ use nalgebra::ComplexField;
 pub(super) const LAST_S: f64 = 40.0;
 
 /// The filter's health.
+#[allow(clippy::struct_excessive_bools)] // each of them may be so by itself
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FlightHealth {
     /// Running mean of the normalised innovation squared per degree of freedom: one where the model holds.

@@ -6,11 +6,10 @@ use super::first_lessons::Pass;
 use super::wrench_history::WrenchHistory;
 use crate::estimator::Measurement;
 
-/// When suspects are tried after a doubt, s.
-const TRIED_S: [f64; 2] = [6.0, 9.0];
-/// By how much likelier, as a logarithm, measurements have to be under a suspect than under what is believed and under nothing that failed before thrust is
-/// doubted, and than under any other suspect before that one is named.
-const DOUBTED: f64 = 8.0;
+/// When suspects are tried after a doubt, s, and by how much likelier, as a logarithm, measurements have to be under one of them than under what is believed
+/// and under nothing that failed before thrust is doubted: another body has hardly been learned after four seconds.
+const TRIALS: [(f64, f64); 3] = [(4.0, 60.0), (6.0, 8.0), (9.0, 8.0)];
+/// By how much likelier they have to be under one suspect than under any other before that one is named.
 const NAMED: f64 = 20.0;
 
 /// Suspects since a doubt of the body or of the wrench.
@@ -20,8 +19,8 @@ const NAMED: f64 = 20.0;
 /// of this one alone. What may be anything makes measurements less likely, and so is believed only where it has to be.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Suspects {
-    /// The filters before and after the doubt; `None` where there is none, or it is settled.
-    doubted: Option<[Filtered; 2]>,
+    /// `None` where there is none, or it is settled.
+    doubted: Option<Doubted>,
     /// Trials so far.
     trials: usize,
     trial: Option<Trial>,
@@ -31,11 +30,20 @@ pub(super) struct Suspects {
     pub(super) named: Option<Suspect>,
 }
 
+/// The filters before and after a doubt.
+#[derive(Clone, Copy, Debug)]
+struct Doubted {
+    before: Filtered,
+    after: Filtered,
+}
+
 /// All suspects on their way through the first so many measurements.
 #[derive(Clone, Copy, Debug)]
 struct Trial {
     of: usize,
     pass: Pass,
+    /// By how much likelier a suspect has to be.
+    margin: f64,
     /// Passes before this one: the first is of what is believed, the second of nothing that failed, all others are of suspects.
     place: usize,
     /// Logarithms of the likelihood: of the first two; of the likeliest suspect; of the next one.
@@ -49,7 +57,7 @@ impl Suspects {
 
     /// Of a doubt that turned one filter into another.
     pub(super) fn begin(&mut self, before: &Filtered, after: &Filtered) {
-        *self = Self { doubted: Some([*before, *after]), ..Self::NONE };
+        *self = Self { doubted: Some(Doubted { before: *before, after: *after }), ..Self::NONE };
     }
 
     /// What the doubt began with is no more.
@@ -66,10 +74,10 @@ impl Suspects {
         work: &mut usize,
         now: &Filtered,
     ) {
-        let Some([before, after]) = &self.doubted else { return };
+        let Some(Doubted { before, after }) = &self.doubted else { return };
         if self.trial.is_none() {
             let is_whole = history.complete_since_ns() <= before.stamp_ns;
-            let Some(tried_s) = TRIED_S.get(self.trials).filter(|_| is_whole) else {
+            let Some((tried_s, margin)) = TRIALS.get(self.trials).filter(|_| is_whole) else {
                 self.end();
                 return;
             };
@@ -77,7 +85,7 @@ impl Suspects {
                 return;
             }
             self.trials += 1;
-            self.trial = Some(Trial::new(after, now, measurements.len()));
+            self.trial = Some(Trial::new(after, now, measurements.len(), *margin));
         }
         let Some(trial) = &mut self.trial else { return };
         while trial.pass.go_on(rules, history, &measurements[..trial.of], work) {
@@ -91,7 +99,7 @@ impl Suspects {
                 continue;
             }
             let (best, suspect) = trial.best;
-            if best - trial.acquitted > DOUBTED {
+            if best - trial.acquitted > trial.margin {
                 (self.is_thrust, self.doubted) = (true, None);
                 self.named = suspect.filter(|_| best - trial.second > NAMED);
             }
@@ -103,12 +111,12 @@ impl Suspects {
 
 impl Trial {
     /// Begins with what is believed since the doubt, about the body of now.
-    fn new(after: &Filtered, now: &Filtered, of: usize) -> Self {
+    fn new(after: &Filtered, now: &Filtered, of: usize, margin: f64) -> Self {
         let mut start = *after;
         start.log_likelihood = 0.0;
         let pass = Pass::about(&start, &now.state.joint.body);
         let unlikely = f64::NEG_INFINITY;
-        Self { of, pass, place: 0, acquitted: unlikely, best: (unlikely, None), second: unlikely }
+        Self { of, pass, margin, place: 0, acquitted: unlikely, best: (unlikely, None), second: unlikely }
     }
 
     /// Takes note of a pass that has come to its end.
