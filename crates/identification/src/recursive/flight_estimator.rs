@@ -2,11 +2,13 @@
 
 mod axis_errors;
 mod body_score;
+mod doubted;
 mod erring_thrusters;
 mod filtered;
 mod first_lessons;
 mod flight_motion;
 mod health;
+mod moved_map;
 mod reception;
 mod separate_bias;
 mod settings;
@@ -90,8 +92,9 @@ pub struct FlightEstimator {
     settled: usize,
     /// Events that were kept once.
     dropped: u64,
-    lessons: FirstLessons,
-    suspects: Suspects,
+    /// Large, as all filters are: an estimator that is handed about fits the stack of any thread.
+    lessons: Box<FirstLessons>,
+    suspects: Box<Suspects>,
     /// Of those that never entered the stream.
     apart: ReceptionCounts,
     known: bool,
@@ -140,7 +143,7 @@ impl FlightEstimator {
         events.push_back(Event::Start);
         let first = Filtered::new(&rules, &state, &covariance, start_ns);
         moments.push_back(Box::new(first));
-        let lessons = FirstLessons::new(&first);
+        let lessons = Box::new(FirstLessons::new(&first));
         let history = WrenchHistory::new(start_ns);
         Ok(Self {
             rules,
@@ -151,7 +154,7 @@ impl FlightEstimator {
             settled: 0,
             dropped: 0,
             lessons,
-            suspects: Suspects::NONE,
+            suspects: Box::new(Suspects::NONE),
             apart: ReceptionCounts::default(),
             known: false,
             scale,

@@ -441,6 +441,22 @@ fn a_lost_nozzle_is_found_by_what_was_seen_since_the_body_was_doubted() {
     assert!(right >= 3 && named.iter().flatten().count() == right, "{named:?}");
 }
 
+/// What an estimator remembers is large; whoever hands one about, or flies it in a thread of a fourth of the usual stack, does not have to know.
+#[test]
+fn an_estimator_is_small_and_flies_in_a_small_thread() {
+    assert!(size_of::<FlightEstimator>() < 16 << 10, "{}", size_of::<FlightEstimator>());
+    let fly = || {
+        let (_, flight) = doubts_of_a_lost_nozzle(8, |doubt, estimator| {
+            if doubt == 1 {
+                estimator.body_changed(&grasp_or_release());
+            }
+        });
+        flight.estimator.health().thrust_doubtful
+    };
+    let thread = std::thread::Builder::new().stack_size(512 << 10).spawn(fly).unwrap();
+    assert!(thread.join().unwrap());
+}
+
 /// Moves the map for 3 s, and then lets it glide back within 2 s.
 fn away_and_back(measurement: &FlightMeasurement, since_s: f64) -> FlightMeasurement {
     let share = ((5.0 - since_s) / 2.0).clamp(0.0, 1.0);

@@ -1,35 +1,27 @@
 //! The filter at one moment: everything that the stream of measurements, taken in order, has made of it.
 
 use super::body_score::{BodyScore, Elsewhere, ScoreLimits};
-use super::erring_thrusters::{Suspect, THRUSTERS};
+use super::doubted::{Contradicted, Known, WrenchDoubt};
+use super::erring_thrusters::Suspect;
 use super::flight_motion::{
     ACCELERATION_BIAS, ACCELERATION_SCALE, ALL_ROWS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState,
-    Fresh, ROWS, Shown, THRUST, WANDER, back_into_plane,
+    Fresh, ROWS, Shown, WANDER, back_into_plane,
 };
 use super::health::{Groups, Monitor, Thresholds};
+use super::moved_map::{Jump, Unsettled};
 use super::reception::Reception;
-use super::settings::{FlightEstimatorSettings, WrenchErrors};
+use super::settings::FlightEstimatorSettings;
 use super::wrench_history::WrenchHistory;
 use crate::dynamics::LogCholesky;
 use crate::error::IdentificationError;
 use crate::estimator::{Gauss, Measurement};
-use crate::lie::{LieGroup, Pose, Wrench};
+use crate::lie::Wrench;
 use crate::recursive::Innovation;
 use crate::recursive::belief::{Correction, Rows};
-use nalgebra::{ComplexField, Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{ComplexField, SMatrix, SVector, UnitQuaternion, Vector3};
 
 /// Longest step of the filter: 32 ms.
 const STEP_NS: i64 = 32_000_000;
-/// Two poses seen after a jump are the same within so many standard deviations.
-const AGREE: f64 = 6.0;
-/// Without agreement the motion begins anew after so many times the patience, and the body is in doubt.
-const OUT_OF_PATIENCE: f64 = 2.0;
-/// A localisation that moved is not to be learned from for so long.
-const SETTLING_NS: i64 = 5_000_000_000;
-/// One that keeps moving for longer than this is right, and it is the body that is not what is believed.
-const LONGEST_SETTLING_NS: i64 = 10_000_000_000;
-/// A localisation that contradicts the motion for longer than this is no jump that comes back: it is the motion that is off.
-const LONGEST_JUMP_NS: i64 = 6_000_000_000;
 /// By how much more likely, as a logarithm, an accelerometer without errors of scale has to become to be believed: two thousand times.
 const SANE_LOG_ODDS: f64 = 7.6;
 /// Least error of scale that a sane accelerometer is taken to have.
@@ -43,17 +35,8 @@ const LOUDER: [f64; 2] = [0.05, 400.0];
 /// No body is heavier than that of the start by more than this, as a logarithm, nor lighter: a hundred times; none is longer by more than ten times.
 const MOST_MASS: f64 = 4.6;
 const MOST_EXTENT: f64 = 2.3;
-/// Force that a failed thruster may give, and by how much it changes in a second, N; share by which those of its supply, or of a supply that failed, may
-/// all give more.
-const GIVEN_N: f64 = 0.3;
-const UNSTEADY_N: f64 = 0.1;
-const SHARED: f64 = 0.1;
 /// What is known of the body is remembered every so often, s: longer than it takes to doubt it.
 const REMEMBERED_S: f64 = 5.0;
-/// Probability that what is blamed on actuators was a grasp or a release after all, and the body what was learned since.
-const GRASPED: f64 = 0.1;
-/// Standard deviation of the relative error of a thruster that may be dead, or give half as much again.
-const FREED: f64 = 0.5;
 /// Variance of a log-extent whose square is as large as its standard deviation.
 const LARGEST_LOG_EXTENT_VARIANCE: f64 = 0.25;
 
@@ -73,20 +56,6 @@ pub(super) struct Rules {
     pub(super) lead_ns: i64,
     /// Whether measurements say nothing of body and wrench, which are as uncertain as somebody else knows them.
     pub(super) considers_body: bool,
-}
-
-/// Unlikely measurements in a row.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Jump {
-    /// Since when anything has been unlikely.
-    since_ns: i64,
-    /// Since when they agree.
-    agreeing_since_ns: i64,
-    agreeing: u32,
-    /// Whether attitude and position are what is compared.
-    of: [bool; 2],
-    /// What the map seems to have moved by.
-    seen_from_expected: Pose<f64>,
 }
 
 /// What was last seen of every quantity.
@@ -117,24 +86,6 @@ impl Heard {
     };
 }
 
-/// The localisation moved a moment ago, and may again.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Unsettled {
-    /// Since its first move.
-    since_ns: i64,
-    until_ns: i64,
-}
-
-/// It began anew because it contradicted what was measured.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Contradicted {
-    /// Since when, and when last, less than a settling apart.
-    since_ns: i64,
-    last_ns: i64,
-    /// What was believed of the body by then.
-    body: LogCholesky<f64>,
-}
-
 /// How often measurements of the ordered stream came to which end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct StreamCounts {
@@ -142,20 +93,6 @@ pub(super) struct StreamCounts {
     pub(super) gated: u64,
     pub(super) relocalised: u64,
     pub(super) frozen: u64,
-}
-
-/// A doubt of the wrench.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct WrenchDoubt {
-    /// Whether the body was known by then, to which it is held.
-    body_was_known: bool,
-}
-
-/// What was known of a body.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Known {
-    body: LogCholesky<f64>,
-    covariance: SMatrix<f64, 10, 10>,
 }
 
 /// The filter at `stamp_ns`.
@@ -168,7 +105,7 @@ pub(super) struct Filtered {
     /// The body about which all is linear, where that is not the estimated one.
     pub(super) about: Option<LogCholesky<f64>>,
     /// By how much the wander of attitude, position and velocity is louder than stated, as factors of its variance.
-    louder: [f64; 3],
+    pub(super) louder: [f64; 3],
     /// Whether the accelerometer is believed; while it is not, nothing but its own errors is learned from it.
     pub(super) accelerometer_is_sane: bool,
     /// When rate and acceleration were last learned from, and how many samples of each came since.
@@ -184,15 +121,15 @@ pub(super) struct Filtered {
     /// Logarithm of how likely all innovations were, each as if it lay at its gate at most.
     pub(super) log_likelihood: f64,
     /// Where actuators are thought not to do what they are told.
-    wrench_doubt: Option<WrenchDoubt>,
+    pub(super) wrench_doubt: Option<WrenchDoubt>,
     /// What is taken to have failed where that is tried.
     pub(super) suspect: Option<Suspect>,
     /// The body as it was known last while nothing gave cause for doubt, and before that; and in how long it is kept again, s.
-    remembered: [Known; 2],
-    remembered_s: f64,
-    jump: Option<Jump>,
-    contradicted: Option<Contradicted>,
-    unsettled: Option<Unsettled>,
+    pub(super) remembered: [Known; 2],
+    pub(super) remembered_s: f64,
+    pub(super) jump: Option<Jump>,
+    pub(super) contradicted: Option<Contradicted>,
+    pub(super) unsettled: Option<Unsettled>,
     last: Seen,
 }
 
@@ -201,7 +138,7 @@ const EXERTED_S: f64 = 0.5;
 /// It is quiet below so many times what it errs by from step to step.
 const QUIET: f64 = 4.0;
 /// A body whose mass is known no better than to this share has yet to be learned: it is no other one than before.
-const UNKNOWN: f64 = 0.1;
+pub(super) const UNKNOWN: f64 = 0.1;
 
 impl Filtered {
     pub(super) fn new(rules: &Rules, state: &FlightState, body: &SMatrix<f64, 10, 10>, start_ns: i64) -> Self {
@@ -242,7 +179,7 @@ impl Filtered {
     }
 
     /// The model that is filtered with.
-    fn model<'a>(&self, rules: &'a Rules) -> &'a FlightMotion {
+    pub(super) fn model<'a>(&self, rules: &'a Rules) -> &'a FlightMotion {
         if self.wrench_doubt.is_some() { &rules.doubting } else { &rules.model }
     }
 
@@ -253,7 +190,7 @@ impl Filtered {
             // What is not finite never gets here; where a step fails all the same, the motion stays.
             let (model, louder, about) = (self.model(rules), self.louder, self.about);
             let _ = model.predict(&mut self.state, &mut self.covariance, &believed, step_s, about.as_ref(), &louder);
-            self.less_certain_of_suspect(rules, UNSTEADY_N * UNSTEADY_N * step_s);
+            self.unsettle_suspect(rules, step_s);
             let share = (step_s / EXERTED_S).min(1.0);
             let Wrench { torque, force } = &believed.wrench;
             for (mean, square) in self.exerted.iter_mut().zip([torque.norm_squared(), force.norm_squared()]) {
@@ -583,252 +520,6 @@ impl Filtered {
             acceleration: measurement.acceleration_body.map(|seen| seen.value).or(last.acceleration),
         };
     }
-
-    /// Counts an unlikely measurement; true where there were enough of them and motion begins anew at this one. `localised`: whether
-    /// attitude and position were seen.
-    fn begins_anew(&mut self, rules: &Rules, measurement: &Measurement, localised: [bool; 2]) -> bool {
-        let (now_ns, expected) = (measurement.stamp_ns, self.state.joint.motion.world_from_body);
-        let settings = &rules.settings;
-        let mut seen = expected;
-        let mut deviations = [0.0; 2];
-        if let Some(attitude) = &measurement.attitude {
-            (seen.rotation, deviations[0]) = (attitude.value, largest_deviation(attitude));
-        }
-        if let Some(position) = &measurement.position_world {
-            (seen.translation, deviations[1]) = (position.value.into(), largest_deviation(position));
-        }
-        let has_pose = localised.contains(&true);
-        let seen_from_expected = seen.compose(&expected.inverse());
-        let fresh =
-            Jump { since_ns: now_ns, agreeing_since_ns: now_ns, agreeing: 1, of: localised, seen_from_expected };
-        let jump = match self.jump {
-            None => fresh,
-            // A pose that repeats the last one to the bit agrees with nothing, nor does a place with an attitude.
-            Some(jump) if !has_pose || (jump.of != localised && jump.of.contains(&true)) => jump,
-            Some(jump) => {
-                let apart = LieGroup::log(&jump.seen_from_expected.compose(&expected).between(&seen));
-                let within = |k: usize| {
-                    !localised[k]
-                        || apart.fixed_rows::<3>(3 * k).amax() <= AGREE * core::f64::consts::SQRT_2 * deviations[k]
-                };
-                if jump.of == localised && within(0) && within(1) {
-                    Jump { agreeing: jump.agreeing.saturating_add(1), ..jump }
-                } else {
-                    Jump { since_ns: jump.since_ns, ..fresh }
-                }
-            }
-        };
-        self.jump = Some(jump);
-        let agreed =
-            now_ns - jump.agreeing_since_ns >= rules.relocalise_after_ns && jump.agreeing >= settings.relocalise_count;
-        let waited = (now_ns - jump.since_ns) as f64 >= OUT_OF_PATIENCE * rules.relocalise_after_ns as f64;
-        // Where nothing but rates was unlikely there is nothing else to begin at.
-        let has_begin = has_pose
-            || measurement.attitude.is_none()
-                && measurement.position_world.is_none()
-                && !jump.of.contains(&true)
-                && (measurement.rate_body.is_some() || measurement.velocity_world.is_some());
-        let agreed = agreed && has_pose;
-        if !(agreed || waited) || !has_begin {
-            return false;
-        }
-        let is_the_body = self.keeps_moving(agreed, now_ns);
-        self.monitor = self.monitor.doubting(is_the_body);
-        self.jump = None;
-        self.begin_at(rules, measurement);
-        true
-    }
-
-    /// Takes note of a localisation that moved; whether it is rather the body that moves otherwise than believed. What moved by
-    /// as much at every moment is a map; after it the estimate may glide back, by something else at every moment.
-    fn keeps_moving(&mut self, agreed: bool, now_ns: i64) -> bool {
-        let before = self.unsettled.filter(|before| now_ns < before.until_ns);
-        let since_ns = before.map_or(now_ns, |before| before.since_ns);
-        let is_the_body = before.is_none() && !agreed || now_ns - since_ns > LONGEST_SETTLING_NS;
-        let until_ns = now_ns.saturating_add(SETTLING_NS);
-        self.unsettled = (!is_the_body).then_some(Unsettled { since_ns, until_ns });
-        is_the_body
-    }
-
-    /// Motion from a measurement, without memory; the body as it is.
-    fn begin_at(&mut self, rules: &Rules, measurement: &Measurement) {
-        let before = self.covariance.fixed_view::<BODY, BODY>(0, 0).into_owned();
-        let (motion, known) =
-            rules.model.begun_at(&self.state.joint.motion, &before, measurement, &rules.settings.start_deviation);
-        self.state.joint.motion = motion;
-        self.covariance.fixed_view_mut::<BODY, COORDINATES>(0, 0).fill(0.0);
-        self.covariance.fixed_view_mut::<COORDINATES, BODY>(0, 0).fill(0.0);
-        self.covariance.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&known);
-        self.begin_wander(rules);
-    }
-
-    /// Of a motion that was just taken from a measurement: that is off by a wander of which no more is known than how large it is.
-    fn begin_wander(&mut self, rules: &Rules) {
-        self.state.wander = [Vector3::zeros(); 3];
-        self.covariance.fixed_view_mut::<9, COORDINATES>(WANDER, 0).fill(0.0);
-        self.covariance.fixed_view_mut::<COORDINATES, 9>(0, WANDER).fill(0.0);
-        let body_from_world = self.state.joint.motion.world_from_body.rotation.inverse().to_rotation_matrix();
-        let turns = [Matrix3::identity(), body_from_world.into_inner(), body_from_world.into_inner()];
-        for (k, (error, turn)) in rules.settings.slow.wander().iter().zip(turns).enumerate() {
-            let (motion, wander, variance) = ([0, 3, 9][k], WANDER + 3 * k, error.sigma * error.sigma);
-            let shared = turn * -variance;
-            for i in 0..3 {
-                self.covariance[(wander + i, wander + i)] = variance;
-                if !(rules.settings.planar && self.covariance[(motion + i, motion + i)] == 0.0) {
-                    self.covariance[(motion + i, motion + i)] += variance;
-                    for j in 0..3 {
-                        self.covariance[(motion + i, wander + j)] = shared[(i, j)];
-                        self.covariance[(wander + j, motion + i)] = shared[(i, j)];
-                    }
-                }
-            }
-        }
-    }
-
-    /// The body less certain by a jump of these deviations, and the wrench as if it were in doubt: which of the two it was, the
-    /// measurements tell. So is the motion: until it was noticed it was that of another body.
-    pub(super) fn widen(&mut self, rules: &Rules, deviation: &SVector<f64, 10>) {
-        self.widen_motion(rules);
-        for i in 0..10 {
-            self.covariance[(BODY + i, BODY + i)] += deviation[i] * deviation[i];
-        }
-        self.widen_drift(&rules.settings.wrench.doubted());
-        self.widen_errors_of_sensors(rules);
-        self.about = None;
-        self.monitor = Monitor::of_new_body();
-        self.unsettled = None;
-    }
-
-    /// A wrench that is in doubt from now on, and the body as it was known before anything was: what was learned since was learned from other forces,
-    /// but for the chance that it is another body after all.
-    pub(super) fn doubt_wrench(&mut self, rules: &Rules) {
-        self.widen_motion(rules);
-        let [_, Known { body, covariance }] = self.remembered;
-        let just_left = self.contradicted.filter(|contradicted| contradicted.last_ns == self.stamp_ns);
-        let other = just_left.map_or(self.state.joint.body, |left| left.body);
-        let elsewhere = other.to_vector() - body.to_vector();
-        self.wrench_doubt = Some(WrenchDoubt { body_was_known: covariance[(0, 0)] <= UNKNOWN * UNKNOWN });
-        self.revise(&body, &(covariance + elsewhere * elsewhere.transpose() * GRASPED));
-        self.free_thrusters(rules);
-        self.widen_drift(&rules.settings.wrench.doubted());
-        self.widen_errors_of_sensors(rules);
-        self.monitor = Monitor::of_learning();
-    }
-
-    /// The same from the body that was known before a doubt, which may be of what is suspected: a thruster then gives what it gives, whatever it is told,
-    /// and those of its supply more or less for that; of a supply all give more or less.
-    pub(super) fn suspecting(&self, rules: &Rules, suspect: Option<Suspect>) -> Self {
-        let mut suspecting = *self;
-        suspecting.widen_motion(rules);
-        let [_, Known { body, covariance }] = self.remembered;
-        suspecting.revise(&body, &covariance);
-        suspecting.widen_errors_of_sensors(rules);
-        suspecting.monitor = Monitor::of_learning();
-        (suspecting.wrench_doubt, suspecting.suspect, suspecting.log_likelihood) = (None, suspect, 0.0);
-        let Some(suspect) = suspect else { return suspecting };
-        let thrusters = &rules.settings.wrench.thrusters;
-        let supply = suspect.supply(thrusters);
-        let those = |k: &usize| thrusters[*k].supply == supply && thrusters[*k].relative > 0.0;
-        for (i, j) in (0..THRUSTERS).filter(those).flat_map(|i| (0..THRUSTERS).filter(those).map(move |j| (i, j))) {
-            suspecting.covariance[(THRUST + i, THRUST + j)] += SHARED * SHARED;
-        }
-        if let Suspect::Thruster(thruster) = suspect {
-            let k = THRUST + thruster;
-            suspecting.state.thrust[thruster] = -1.0;
-            suspecting.covariance.fixed_rows_mut::<1>(k).fill(0.0);
-            suspecting.covariance.fixed_columns_mut::<1>(k).fill(0.0);
-            suspecting.less_certain_of_suspect(rules, GIVEN_N * GIVEN_N);
-        }
-        suspecting
-    }
-
-    /// Less certain of what a suspected thruster gives by this variance, N^2.
-    fn less_certain_of_suspect(&mut self, rules: &Rules, variance: f64) {
-        if let Some(Suspect::Thruster(thruster)) = self.suspect {
-            let push = rules.settings.wrench.thrusters[thruster].push_body.to_vector();
-            let mut drift = self.covariance.fixed_view_mut::<6, 6>(DRIFT, DRIFT);
-            drift += push * push.transpose() * variance;
-        }
-    }
-
-    /// What doubted actuators are to be asked for.
-    pub(super) fn compensated(&self, rules: &Rules, wanted: &Wrench<f64>) -> Option<Wrench<f64>> {
-        self.wrench_doubt.map(|_| self.model(rules).asked(&self.state, wanted))
-    }
-
-    /// The body as somebody else knows it; what the motion owes to the body before is forgotten.
-    pub(super) fn revise(&mut self, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
-        (self.state.joint.body, self.about) = (*body, None);
-        self.covariance.fixed_view_mut::<10, COORDINATES>(BODY, 0).fill(0.0);
-        self.covariance.fixed_view_mut::<COORDINATES, 10>(0, BODY).fill(0.0);
-        self.covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(covariance);
-    }
-
-    fn widen_motion(&mut self, rules: &Rules) {
-        let motion = rules.model.motion_variance(&rules.settings.start_deviation);
-        for (i, variance) in motion.iter().enumerate() {
-            self.covariance[(i, i)] += variance;
-        }
-    }
-
-    /// The sensors' errors took blame for what was wrong.
-    fn widen_errors_of_sensors(&mut self, rules: &Rules) {
-        for (i, deviation) in rules.model.slow_deviation().iter().enumerate().take(ACCELERATION_SCALE).skip(WANDER) {
-            self.covariance[(i, i)] += deviation * deviation;
-        }
-        self.louder = [1.0; 3];
-    }
-
-    /// Nothing more is known of thrusters than that each is there.
-    fn free_thrusters(&mut self, rules: &Rules) {
-        self.state.thrust = SVector::zeros();
-        self.covariance.fixed_view_mut::<THRUSTERS, COORDINATES>(THRUST, 0).fill(0.0);
-        self.covariance.fixed_view_mut::<COORDINATES, THRUSTERS>(0, THRUST).fill(0.0);
-        for (k, thruster) in rules.settings.wrench.thrusters.iter().enumerate() {
-            let deviation = if thruster.relative > 0.0 { FREED } else { 0.0 };
-            self.covariance[(THRUST + k, THRUST + k)] = deviation * deviation;
-        }
-    }
-
-    fn widen_drift(&mut self, doubted: &WrenchErrors) {
-        for i in 0..6 {
-            self.covariance[(DRIFT + i, DRIFT + i)] += doubted.drift[i] * doubted.drift[i];
-        }
-    }
-
-    /// Another body with its covariance, and the wrench's errors as at the start; the motion as it is, against a localisation that jumped and may come
-    /// back, and the wander as loud as stated, so that it explains no jump. A motion that has been contradicted for longer than that is less certain,
-    /// and so is one where the wrench is in doubt, which it stays: it was that of other forces.
-    pub(super) fn restart(&mut self, rules: &Rules, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
-        let left = self.state.joint.body;
-        (self.state.joint.body, self.about) = (*body, None);
-        self.wrench_doubt = self.wrench_doubt.map(|_| WrenchDoubt { body_was_known: false });
-        (self.state.drift, self.state.thrust) = (Vector6::zeros(), SVector::zeros());
-        let mut fresh = Self::new(rules, &self.state, covariance, self.stamp_ns).covariance;
-        // Motion and errors of the sensors stay, and what they have in common.
-        let kept = |i: usize| !(BODY..WANDER).contains(&i);
-        for (i, j) in (0..COORDINATES).flat_map(|i| (0..COORDINATES).map(move |j| (i, j))) {
-            if kept(i) && kept(j) {
-                fresh[(i, j)] = self.covariance[(i, j)];
-            }
-        }
-        self.covariance = fresh;
-        self.louder = [1.0; 3];
-        let again = self.contradicted.filter(|before| self.stamp_ns - before.last_ns < SETTLING_NS);
-        let since_ns = again.map_or(self.stamp_ns, |before| before.since_ns);
-        self.contradicted = Some(Contradicted { since_ns, last_ns: self.stamp_ns, body: left });
-        let is_lost = self.stamp_ns - since_ns > LONGEST_JUMP_NS;
-        if self.wrench_doubt.is_some() || is_lost {
-            self.widen_motion(rules);
-        }
-        if self.wrench_doubt.is_some() {
-            self.free_thrusters(rules);
-            self.widen_drift(&rules.settings.wrench.doubted());
-        } else {
-            self.jump = None;
-        }
-        self.monitor = Monitor::of_learning();
-    }
 }
 
 /// Equal steps from one time to another, none longer than [`STEP_NS`].
@@ -843,12 +534,6 @@ pub(super) fn steps(from_ns: i64, until_ns: i64) -> impl Iterator<Item = (i64, i
 /// span · i / count, exactly.
 fn i128_part(span: i64, i: i64, count: i64) -> i64 {
     i64::try_from(i128::from(span) * i128::from(i) / i128::from(count.max(1))).unwrap_or(span)
-}
-
-/// The largest standard deviation of an axis that was measured.
-fn largest_deviation<V>(seen: &Gauss<V>) -> f64 {
-    let variances = seen.covariance.diagonal();
-    ComplexField::sqrt(variances.iter().filter(|variance| variance.is_finite()).fold(0.0, |a, b| f64::max(a, *b)))
 }
 
 /// What a prior is in the chart of the filter.
