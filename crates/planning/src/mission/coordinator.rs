@@ -504,9 +504,9 @@ impl Coordinator {
                 self.phase = Phase::AwaitingFirst;
             }
             Phase::Flying(stretch) if asked.start_ns == stretch.end_ns => {
+                // its first stretch is asked for when it is due: what is learned until then is planned with
                 self.flown_way = Some((request, asked.start_ns));
                 self.stretch = None;
-                self.ask_for_stretch(asked.start_ns, self.first_ambition(), actions);
             }
             _ => actions.push(Action::Note(Note::TooLate { request })),
         }

@@ -10,6 +10,9 @@ use tumble_identification::recursive::{AxisErrors, ErringThruster, THRUSTERS};
 /// Of any direction, so much of the variance is taken to be beyond learning at most: what is believed is not held against an estimator that
 /// knows better.
 const MOST_LASTING: f64 = 0.9;
+/// How well a stretch shows what an axis answers to a wrench, as a share of that wrench: where thrusters err by more, they give themselves away by answers
+/// that fit no body.
+const SHOWN: f64 = 8e-3;
 
 type Matrix10 = SMatrix<f64, PARAMETERS, PARAMETERS>;
 
@@ -23,8 +26,9 @@ pub(super) struct LastingErrors {
 /// Covariance of mass, centre of mass and inertia about it of a body whose motion is known, and whose thrusters are not: one that is heavier by a
 /// hundredth moves as one does that is pushed by a hundredth less.
 ///
-/// At rest, each axis that thrusters reach is pushed or turned both ways. What moves so is `Y(w) b = w + E(w) e` with the errors `e` of the
-/// thrusters, and least squares takes them for some of the body `b`. Axes of the gyroscope add what they make of an inertia.
+/// At rest, each axis that thrusters reach is pushed or turned both ways. What moves so is `Y(w) b = w + E(w) e + n` with the errors `e` of the
+/// thrusters, of deviation one, and what is seen wrong of each answer, `n`, of deviation [`SHOWN`]. Body and errors are found together; what is known of the
+/// body is less than with exact thrusters, and that is what lasts. Axes of the gyroscope add what they make of an inertia.
 fn lasting(
     errors: &LastingErrors,
     body: &InertialParameters<f64>,
@@ -44,6 +48,7 @@ fn lasting(
     let untold = is_told.map(|is_told| if is_told { 0.0 } else { 1.0 });
     let mut normal = Matrix10::from_diagonal(&untold.into());
     let mut erring = SMatrix::<f64, PARAMETERS, THRUSTERS>::zeros();
+    let mut of_thrusters = SMatrix::<f64, THRUSTERS, THRUSTERS>::from_diagonal_element(SHOWN * SHOWN);
     for (axis, sense) in axes.iter().flat_map(|axis| [(*axis, 1.0), (*axis, -1.0)]) {
         // a torque counts as the force at that distance
         let row_size = |row: usize| if row < 3 { radius_m } else { 1.0 };
@@ -61,11 +66,16 @@ fn lasting(
         let of_each = SMatrix::<f64, 6, THRUSTERS>::from_fn(|row, thruster| of_each[(row, thruster)] / row_size(row));
         normal += needed.transpose() * needed;
         erring += needed.transpose() * of_each;
+        of_thrusters += of_each.transpose() * of_each;
     }
     let what = "the least eigenvalue of what thrusters tell of a body";
-    let taken = normal.cholesky().ok_or_else(|| indefinite(what, &normal))?.solve(&erring);
-    let covariance = taken * taken.transpose();
-    let mut covariance = Matrix10::from_fn(|i, j| covariance[(i, j)] * sizes[i] * sizes[j]);
+    let inverse = |information: Matrix10| {
+        information.cholesky().map(|factor| factor.inverse()).ok_or_else(|| indefinite(what, &information))
+    };
+    // Schur complement of the errors; with exact ones it is `normal`
+    let solved = of_thrusters.cholesky().ok_or_else(|| indefinite(what, &normal))?.solve(&erring.transpose());
+    let left = inverse(normal - erring * solved)? - inverse(normal)?;
+    let mut covariance = Matrix10::from_fn(|i, j| left[(i, j)] * sizes[i] * sizes[j] * SHOWN * SHOWN);
     let of_axes = errors.rate_axes.of_inertia(&body.inertia_about_com());
     let is_told = SVector::<bool, PARAMETERS>::from(is_told);
     let mut of_inertia = covariance.fixed_view_mut::<6, 6>(4, 4);
@@ -144,6 +154,22 @@ mod tests {
         // twelve that err by themselves: the mean of all
         let pairs = sigma(ErringThruster::in_pairs(0.01, 0.1), 3);
         assert!((pairs[0] / (9.5 * 0.01 / f64::sqrt(12.0)) - 1.0).abs() < 0.05, "{pairs}");
+    }
+
+    /// Thrusters in pairs that err by little move their robot as another body would; those that err by much more than is seen wrong do not.
+    #[test]
+    fn errors_that_fit_no_body_give_themselves_away() {
+        let sigma = |relative: f64| {
+            let errors = of_thrusters(&ErringThruster::in_pairs(relative, 0.1));
+            lasting(&errors, &body(), 3).unwrap().diagonal().map(|variance| variance.sqrt() / relative)
+        };
+        let (hidden, shown) = (sigma(1e-4), sigma(0.1));
+        let share = shown.component_div(&hidden);
+        // the mean of all thrust is a mass whatever is seen
+        assert!(share[0] > 0.9 && share.iter().all(|share| *share < 1.0), "{share}");
+        assert!((1..4).all(|axis| share[axis] < 0.5), "{share}");
+        // hidden ones are what least squares takes them for: twice as much of twice the error
+        assert!((sigma(2e-4).component_div(&hidden) - SVector::repeat(1.0)).amax() < 0.01, "{hidden}");
     }
 
     #[test]

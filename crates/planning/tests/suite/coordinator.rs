@@ -211,8 +211,13 @@ fn an_obstacle_elsewhere_lets_the_robot_fly_on_to_another_way() {
         panic!("{said:?}")
     };
     assert_eq!(start_ns, stretch.end_ns);
-    let said = told.hear(Event::WayFound { request, model_revision: 0, world_revision: 1 });
+    let mut said = told.hear(Event::WayFound { request, model_revision: 0, world_revision: 1 });
+    while stretch_asked(&said).is_none() {
+        said = told.tick(0.2, well());
+        assert!(told.now_ns < stretch.end_ns);
+    }
     assert_eq!(stretch_asked(&said).map(|(_, start_ns)| start_ns), Some(stretch.end_ns));
+    assert!(said.iter().any(|action| matches!(action, Action::PlanStretch { way, .. } if *way == request)), "{said:?}");
 }
 
 #[test]
@@ -413,6 +418,25 @@ fn a_proof_that_no_way_exists_ends_the_mission_that_asked_for_it() {
     let [Action::PlanWay { request, .. }] = said[..] else { panic!("{said:?}") };
     let proved = told.hear(Event::WayImpossible { request, world_revision: 0 });
     assert_eq!(proved, [Action::Stop, Action::GiveUp { request }]);
+}
+
+/// What is learned until then is planned with.
+#[test]
+fn the_first_stretch_of_a_way_found_in_flight_is_asked_for_when_it_is_due() {
+    let (mut told, stretch) = Told::flying();
+    told.now_ns = stretch.start_ns;
+    told.hear(Event::Belief { revision: 1, is_material: true });
+    let said = told.tick(0.2, well());
+    let [Action::PlanWay { request, start_ns, .. }] = said[..] else { panic!("{said:?}") };
+    assert_eq!(start_ns, stretch.end_ns);
+    assert_eq!(told.hear(Event::WayFound { request, model_revision: 1, world_revision: 0 }), []);
+    let due_ns = stretch.end_ns - Schedule::default().stretch_lead_ns;
+    while told.now_ns + SECOND / 2 < due_ns {
+        assert_eq!(stretch_asked(&told.tick(0.5, well())), None);
+    }
+    let said = told.tick(0.5, well());
+    assert_eq!(stretch_asked(&said).map(|(_, start_ns)| start_ns), Some(stretch.end_ns));
+    assert!(said.iter().any(|action| matches!(action, Action::PlanStretch { way, .. } if *way == request)), "{said:?}");
 }
 
 fn events() -> impl Strategy<Value = Vec<(i64, Event)>> {
