@@ -7,9 +7,8 @@ use super::wrench_history::WrenchHistory;
 use crate::estimator::Measurement;
 
 /// When suspects are tried after a doubt, s, and by how much likelier, as a logarithm, measurements have to be under one of them than under what is believed
-/// and under nothing that failed, and than under any other suspect, before thrust is doubted. Another body has hardly been learned after four seconds, and
-/// then it is many suspects that fit better, where one that failed pushes as no other does.
-const TRIALS: [(f64, [f64; 2]); 3] = [(4.0, [60.0, NAMED]), (6.0, [8.0, 0.0]), (9.0, [8.0, 0.0])];
+/// and under nothing that failed before thrust is doubted: another body has hardly been learned after four seconds.
+const TRIALS: [(f64, f64); 3] = [(4.0, 60.0), (6.0, 8.0), (9.0, 8.0)];
 /// By how much likelier they have to be under one suspect than under any other before that one is named.
 const NAMED: f64 = 20.0;
 
@@ -43,8 +42,8 @@ struct Doubted {
 struct Trial {
     of: usize,
     pass: Pass,
-    /// By how much likelier a suspect has to be than a body, and than another suspect.
-    margins: [f64; 2],
+    /// By how much likelier a suspect has to be.
+    margin: f64,
     /// Passes before this one: the first is of what is believed, the second of nothing that failed, all others are of suspects.
     place: usize,
     /// Logarithms of the likelihood: of the first two; of the likeliest suspect; of the next one.
@@ -78,7 +77,7 @@ impl Suspects {
         let Some(Doubted { before, after }) = &self.doubted else { return };
         if self.trial.is_none() {
             let is_whole = history.complete_since_ns() <= before.stamp_ns;
-            let Some((tried_s, margins)) = TRIALS.get(self.trials).filter(|_| is_whole) else {
+            let Some((tried_s, margin)) = TRIALS.get(self.trials).filter(|_| is_whole) else {
                 self.end();
                 return;
             };
@@ -86,7 +85,7 @@ impl Suspects {
                 return;
             }
             self.trials += 1;
-            self.trial = Some(Trial::new(after, now, measurements.len(), *margins));
+            self.trial = Some(Trial::new(after, now, measurements.len(), *margin));
         }
         let Some(trial) = &mut self.trial else { return };
         while trial.pass.go_on(rules, history, &measurements[..trial.of], work) {
@@ -100,10 +99,9 @@ impl Suspects {
                 continue;
             }
             let (best, suspect) = trial.best;
-            let [over_bodies, over_others] = [best - trial.acquitted, best - trial.second];
-            if over_bodies > trial.margins[0] && over_others >= trial.margins[1] {
+            if best - trial.acquitted > trial.margin {
                 (self.is_thrust, self.doubted) = (true, None);
-                self.named = suspect.filter(|_| over_others > NAMED);
+                self.named = suspect.filter(|_| best - trial.second > NAMED);
             }
             self.trial = None;
             return;
@@ -113,12 +111,12 @@ impl Suspects {
 
 impl Trial {
     /// Begins with what is believed since the doubt, about the body of now.
-    fn new(after: &Filtered, now: &Filtered, of: usize, margins: [f64; 2]) -> Self {
+    fn new(after: &Filtered, now: &Filtered, of: usize, margin: f64) -> Self {
         let mut start = *after;
         start.log_likelihood = 0.0;
         let pass = Pass::about(&start, &now.state.joint.body);
         let unlikely = f64::NEG_INFINITY;
-        Self { of, pass, margins, place: 0, acquitted: unlikely, best: (unlikely, None), second: unlikely }
+        Self { of, pass, margin, place: 0, acquitted: unlikely, best: (unlikely, None), second: unlikely }
     }
 
     /// Takes note of a pass that has come to its end.
