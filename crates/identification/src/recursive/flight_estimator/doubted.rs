@@ -1,7 +1,7 @@
 //! What a filter makes of a doubt of the body or of the wrench, and of what somebody else knows.
 
 use super::erring_thrusters::{Suspect, THRUSTERS};
-use super::filtered::{Filtered, Rules, UNKNOWN};
+use super::filtered::{Contradicted, Filtered, Known, Rules, UNKNOWN, WrenchDoubt};
 use super::flight_motion::{ACCELERATION_SCALE, BODY, COORDINATES, DRIFT, THRUST, WANDER};
 use super::health::Monitor;
 use super::moved_map::SETTLING_NS;
@@ -22,30 +22,6 @@ const SHARED: f64 = 0.1;
 const GRASPED: f64 = 0.1;
 /// Standard deviation of the relative error of a thruster that may be dead, or give half as much again.
 const FREED: f64 = 0.5;
-
-/// A doubt of the wrench.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct WrenchDoubt {
-    /// Whether the body was known by then, to which it is held.
-    pub(super) body_was_known: bool,
-}
-
-/// What was known of a body.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Known {
-    pub(super) body: LogCholesky<f64>,
-    pub(super) covariance: SMatrix<f64, 10, 10>,
-}
-
-/// It began anew because it contradicted what was measured.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Contradicted {
-    /// Since when, and when last, less than a settling apart.
-    pub(super) since_ns: i64,
-    pub(super) last_ns: i64,
-    /// What was believed of the body by then.
-    pub(super) body: LogCholesky<f64>,
-}
 
 impl Filtered {
     /// The body less certain by a jump of these deviations, and the wrench as if it were in doubt: which of the two it was, the

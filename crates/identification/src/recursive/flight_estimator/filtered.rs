@@ -1,21 +1,19 @@
 //! The filter at one moment: everything that the stream of measurements, taken in order, has made of it.
 
 use super::body_score::{BodyScore, Elsewhere, ScoreLimits};
-use super::doubted::{Contradicted, Known, WrenchDoubt};
 use super::erring_thrusters::Suspect;
 use super::flight_motion::{
     ACCELERATION_BIAS, ACCELERATION_SCALE, ALL_ROWS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState,
     Fresh, ROWS, Shown, WANDER, back_into_plane,
 };
 use super::health::{Groups, Monitor, Thresholds};
-use super::moved_map::{Jump, Unsettled};
 use super::reception::Reception;
 use super::settings::FlightEstimatorSettings;
 use super::wrench_history::WrenchHistory;
 use crate::dynamics::LogCholesky;
 use crate::error::IdentificationError;
 use crate::estimator::{Gauss, Measurement};
-use crate::lie::Wrench;
+use crate::lie::{Pose, Wrench};
 use crate::recursive::Innovation;
 use crate::recursive::belief::{Correction, Rows};
 use nalgebra::{ComplexField, SMatrix, SVector, UnitQuaternion, Vector3};
@@ -84,6 +82,52 @@ impl Heard {
         samples: [1.0; 2],
         louder: [1.0; 3],
     };
+}
+
+/// A doubt of the wrench.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct WrenchDoubt {
+    /// Whether the body was known by then, to which it is held.
+    pub(super) body_was_known: bool,
+}
+
+/// What was known of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Known {
+    pub(super) body: LogCholesky<f64>,
+    pub(super) covariance: SMatrix<f64, 10, 10>,
+}
+
+/// It began anew because it contradicted what was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Contradicted {
+    /// Since when, and when last, less than a settling apart.
+    pub(super) since_ns: i64,
+    pub(super) last_ns: i64,
+    /// What was believed of the body by then.
+    pub(super) body: LogCholesky<f64>,
+}
+
+/// Unlikely measurements in a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Jump {
+    /// Since when anything has been unlikely.
+    pub(super) since_ns: i64,
+    /// Since when they agree.
+    pub(super) agreeing_since_ns: i64,
+    pub(super) agreeing: u32,
+    /// Whether attitude and position are what is compared.
+    pub(super) of: [bool; 2],
+    /// What the map seems to have moved by.
+    pub(super) seen_from_expected: Pose<f64>,
+}
+
+/// The localisation moved a moment ago, and may again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Unsettled {
+    /// Since its first move.
+    pub(super) since_ns: i64,
+    pub(super) until_ns: i64,
 }
 
 /// How often measurements of the ordered stream came to which end.

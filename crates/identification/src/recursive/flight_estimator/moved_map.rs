@@ -1,9 +1,9 @@
 //! A map that moved, or a motion that is not where it was believed: when it begins anew, and from what.
 
-use super::filtered::{Filtered, Rules};
+use super::filtered::{Filtered, Jump, Rules, Unsettled};
 use super::flight_motion::{BODY, COORDINATES, WANDER};
 use crate::estimator::{Gauss, Measurement};
-use crate::lie::{LieGroup, Pose};
+use crate::lie::LieGroup;
 use nalgebra::{ComplexField, Matrix3, Vector3};
 
 /// Two poses seen after a jump are the same within so many standard deviations.
@@ -14,28 +14,6 @@ const OUT_OF_PATIENCE: f64 = 2.0;
 pub(super) const SETTLING_NS: i64 = 5_000_000_000;
 /// One that keeps moving for longer than this is right, and it is the body that is not what is believed.
 const LONGEST_SETTLING_NS: i64 = 10_000_000_000;
-
-/// Unlikely measurements in a row.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Jump {
-    /// Since when anything has been unlikely.
-    pub(super) since_ns: i64,
-    /// Since when they agree.
-    pub(super) agreeing_since_ns: i64,
-    pub(super) agreeing: u32,
-    /// Whether attitude and position are what is compared.
-    pub(super) of: [bool; 2],
-    /// What the map seems to have moved by.
-    pub(super) seen_from_expected: Pose<f64>,
-}
-
-/// The localisation moved a moment ago, and may again.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Unsettled {
-    /// Since its first move.
-    pub(super) since_ns: i64,
-    pub(super) until_ns: i64,
-}
 
 impl Filtered {
     /// Counts an unlikely measurement; true where there were enough of them and motion begins anew at this one. `localised`: whether
