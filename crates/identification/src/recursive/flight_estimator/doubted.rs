@@ -12,8 +12,8 @@ use nalgebra::{SMatrix, SVector, Vector6};
 
 /// A localisation that contradicts the motion for longer than this is no jump that comes back: it is the motion that is off.
 const LONGEST_JUMP_NS: i64 = 6_000_000_000;
-/// What a failed thruster may give, and by how much that changes in a second, as multiples of the thrust that is off by what a wrench in doubt may be off
-/// by: a nozzle of a robot that is pushed with half a newton may stand open.
+/// What a failed thruster may give, and by how much that changes in a second, as multiples of the thrust that by itself makes one standard deviation of what a
+/// wrench in doubt may be off by.
 const GIVEN: f64 = 3.5;
 const UNSTEADY: f64 = 1.2;
 /// Share by which thrusters of its supply, or of a supply that failed, may all give more.
