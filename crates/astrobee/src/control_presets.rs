@@ -84,6 +84,7 @@ pub fn tube_settings(mass: MassInterval, limits: &ControlLimits, attitudes: Atti
         attitudes,
         turned_by_rad: TUBE_TURNED_BY_RAD,
         disturbance: TubeDisturbance { position_m, velocity_m_s, force_n: 0.0, acceleration_m_s2: 0.0 },
+        corrections: None,
         mass,
         sigmas: TUBE_SIGMAS,
         world_from_axes: UnitQuaternion::identity(),

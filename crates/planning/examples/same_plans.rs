@@ -114,6 +114,7 @@ fn follow() -> Result<(), PlanningError> {
         attitudes: AttitudeSpan::Any,
         turned_by_rad: 0.01,
         disturbance: TubeDisturbance { position_m: 1e-4, velocity_m_s: 1e-4, force_n: 1e-3, acceleration_m_s2: 0.0 },
+        corrections: None,
         mass: MassInterval::between(6.0, 15.0)?,
         sigmas: 3.0,
         world_from_axes: UnitQuaternion::identity(),

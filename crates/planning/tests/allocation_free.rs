@@ -443,6 +443,7 @@ fn commands_of_the_tube_controller() {
         attitudes: AttitudeSpan::Any,
         turned_by_rad: 0.01,
         disturbance: TubeDisturbance { position_m: 0.0, velocity_m_s: 1e-4, force_n: 0.0, acceleration_m_s2: 0.0 },
+        corrections: None,
         mass: MassInterval::between(6.0, 12.0).unwrap(),
         sigmas: 3.0,
         world_from_axes: UnitQuaternion::identity(),

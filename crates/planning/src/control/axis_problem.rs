@@ -207,7 +207,7 @@ impl AxisProblem {
         let feedback = template.gain.feedback();
         let steepness = f64::sqrt(feedback.norm_squared());
         let scaled_acceleration = limit - scaled[4] * steepness;
-        let held_acceleration = held[4] * steepness;
+        let held_acceleration = template.reserved * held[4] * steepness;
         let acceleration_m_s2 = positive("the acceleration left", scaled_acceleration - held_acceleration)?;
         // what moves faster than the plan's straight lines between two decisions
         let overshoot = (limit * (1.0 + mass.uncertainty()) + outside) * step_s * step_s / 8.0;

@@ -1,8 +1,8 @@
 //! An invariant set of one axis with few faces, so that it can stand in a quadratic program and be scaled there.
 
 use super::small_matrix::solve;
-use super::{ConvexSet, Strips, Zonotope};
-use crate::error::{PlanningError, finite, positive};
+use super::{ConvexSet, Corrections, Strips, SymmetricBox, Zonotope};
+use crate::error::{PlanningError, finite, not_negative, positive};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 /// Feedback of one axis in units of acceleration: `-stiffness * position - damping * velocity`, held for a step.
@@ -54,6 +54,9 @@ const INFLATION: f64 = 1e-9;
 /// Rounds of the fixed point; each one's result is invariant, so that the last may be the best so far.
 const ROUNDS: usize = 40;
 
+/// Doublings of a sum over all steps: closed loops that take longer than `2^40` of them are refused before.
+const DOUBLINGS: usize = 40;
+
 /// Least difference between the two eigenvalues, which then have two eigenvectors.
 const LEAST_GAP: f64 = 1e-6;
 
@@ -71,9 +74,40 @@ pub struct AxisTemplate {
     pub matched: [f64; TEMPLATE_ROWS],
     /// Bounds along the normals for the other disturbance.
     pub unmatched: [f64; TEMPLATE_ROWS],
+    /// Share of the feedback's acceleration against the other disturbance that plans leave it: all of it, unless that is a probability.
+    pub reserved: f64,
 }
 
 impl AxisTemplate {
+    /// The same for a loop that is closed by an estimate which corrects itself: bounds for the matched disturbance, and beside it so many
+    /// deviations of the distance from the plan that the corrections make in the steady state. A probability, and no set that nothing leaves.
+    ///
+    /// # Errors
+    /// Those of [`Self::try_new`]; [`PlanningError::NotPositive`] deviations, a covariance that is none.
+    ///
+    /// # Source
+    /// `X = A X A' + C` with the covariance `C` of the corrections; the bound along `n` is `sigmas sqrt(n' X n)`.
+    pub fn with_corrections(gain: AxisGain, corrections: &Corrections) -> Result<Self, PlanningError> {
+        let template = Self::try_new(gain, &SymmetricBox(Vector2::zeros()))?;
+        let sigmas = positive("the deviations of corrections", corrections.sigmas)?;
+        let (mut power, mut settled) = (gain.closed_loop(), corrections.covariance);
+        for _ in 0..DOUBLINGS {
+            settled += power * settled * power.transpose();
+            power *= power;
+        }
+        let mut unmatched = [0.0; TEMPLATE_ROWS];
+        for (bound, normal) in unmatched.iter_mut().zip(&template.normals) {
+            let variance = not_negative("the variance of corrections", normal.dot(&(settled * normal)))?;
+            *bound = sigmas * f64::sqrt(variance);
+        }
+        let reserved = not_negative("the share that plans leave the feedback", corrections.reserved)?;
+        if reserved > 1.0 {
+            let what = "the share that plans leave the feedback";
+            return Err(PlanningError::OutOfRange { what, value: reserved, lower: 0.0, upper: 1.0 });
+        }
+        Ok(Self { unmatched, reserved, ..template })
+    }
+
     /// The least bounds for a gain and a disturbance of position and velocity over a step.
     ///
     /// # Errors
@@ -116,6 +150,7 @@ impl AxisTemplate {
             normals,
             matched: faces.invariant_bounds(&eigenvalues, &supports(&|normal| matched.support(normal))),
             unmatched: faces.invariant_bounds(&eigenvalues, &unmatched),
+            reserved: 1.0,
         })
     }
 
@@ -252,6 +287,9 @@ mod tests {
     use super::*;
     use crate::control::{MinimalInvariantSet, MinkowskiSum, Polygon, SymmetricBox, SymmetricEllipsoid};
     use crate::laws::check_invariant_set;
+    use crate::unit_interval;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
 
     const NOISE: SymmetricBox<2> = SymmetricBox(Vector2::new(1e-4, 2e-4));
 
@@ -360,6 +398,41 @@ mod tests {
         assert!(matches!(refused(f64::NAN, 2.0, 0.2), PlanningError::NotFinite { .. }));
         let endless = SymmetricBox(Vector2::new(f64::INFINITY, 0.0));
         assert!(matches!(AxisTemplate::try_new(AxisGain::default(), &endless), Err(PlanningError::NotFinite { .. })));
+    }
+
+    /// A loop under corrections drawn anew at each decision: along each normal the share beyond two deviations is that of a normal number.
+    #[test]
+    fn bounds_for_corrections_are_so_many_deviations() {
+        const DECISIONS: u32 = 2_000_000;
+        let gain = AxisGain::default();
+        let covariance = Matrix2::new(6e-9, 2e-9, 2e-9, 7e-9);
+        let corrections = Corrections { covariance, sigmas: 2.0, reserved: 0.5 };
+        let template = AxisTemplate::with_corrections(gain, &corrections).unwrap();
+        let (closed_loop, factor) = (gain.closed_loop(), covariance.cholesky().unwrap().l());
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let mut normal = || (0..12).map(|_| unit_interval(&mut random)).sum::<f64>() - 6.0;
+        let (mut error, mut beyond) = (Vector2::zeros(), [0_u32; TEMPLATE_ROWS]);
+        for _ in 0..DECISIONS {
+            error = closed_loop * error + factor * Vector2::from_fn(|_, _| normal());
+            for ((normal, bound), count) in template.normals.iter().zip(template.unmatched).zip(&mut beyond) {
+                *count += u32::from(normal.dot(&error).abs() > bound);
+            }
+        }
+        // errors last for forty decisions, so that so many are fifty thousand looks
+        for count in beyond {
+            let share = f64::from(count) / f64::from(DECISIONS);
+            assert!((share - 0.0455).abs() < 0.004, "{beyond:?}");
+        }
+        let refused =
+            |changed: Corrections| assert!(AxisTemplate::with_corrections(gain, &changed).is_err(), "{changed:?}");
+        refused(Corrections { covariance: -covariance, ..corrections });
+        refused(Corrections { covariance: covariance * f64::NAN, ..corrections });
+        for number in [-1.0, f64::NAN, f64::INFINITY] {
+            refused(Corrections { sigmas: number, ..corrections });
+            refused(Corrections { reserved: number, ..corrections });
+        }
+        refused(Corrections { sigmas: 0.0, ..corrections });
+        refused(Corrections { reserved: 1.01, ..corrections });
     }
 
     #[test]

@@ -193,6 +193,12 @@ pub trait Controller {
     fn tube_m(&self) -> [f64; 3] {
         [0.0; 3]
     }
+
+    /// Largest acceleration along each world axis that it promises to follow, whatever the body is of those it reckons with, m/s^2: plans
+    /// keep within it. Infinite where it promises nothing.
+    fn acceleration_m_s2(&self) -> [f64; 3] {
+        [f64::INFINITY; 3]
+    }
 }
 
 impl<T: Controller + ?Sized> Controller for Box<T> {
@@ -206,5 +212,9 @@ impl<T: Controller + ?Sized> Controller for Box<T> {
 
     fn tube_m(&self) -> [f64; 3] {
         (**self).tube_m()
+    }
+
+    fn acceleration_m_s2(&self) -> [f64; 3] {
+        (**self).acceleration_m_s2()
     }
 }

@@ -5,8 +5,8 @@ use super::tracked_motion::TrackedMotion;
 use super::tube_axes::{TubeAxes, TubeObstacles};
 use super::{
     Adoption, AttitudeCertificate, AttitudeSpan, AxisGain, AxisLimits, AxisPlan, AxisProblem, AxisRequest,
-    AxisTemplate, Fallback, FallbackReason, GramStatus, MassInterval, ReferenceTurning, SymmetricBox, Terminal,
-    TubeDisturbance, TubeWeights,
+    AxisTemplate, Corrections, Fallback, FallbackReason, GramStatus, MassInterval, ReferenceTurning, SymmetricBox,
+    Terminal, TubeDisturbance, TubeWeights,
 };
 use crate::belief::ModelBelief;
 use crate::error::{self, PlanningError, not_negative, positive};
@@ -37,6 +37,8 @@ pub struct TubeSettings {
     pub turned_by_rad: f64,
     /// What else disturbs.
     pub disturbance: TubeDisturbance,
+    /// What the loop sees of an estimator's errors: where it is given, the errors of measurement are kept off walls and limits only.
+    pub corrections: Option<Corrections>,
     /// Where the mass certainly is.
     pub mass: MassInterval,
     /// How many standard deviations of `1 / m` are certain.
@@ -89,6 +91,7 @@ impl TubeSettings {
                 force_n: 0.0,
                 acceleration_m_s2: 0.0,
             },
+            corrections: None,
             mass,
             sigmas: 3.0,
             world_from_axes: UnitQuaternion::identity(),
@@ -226,8 +229,11 @@ impl TranslationTube {
         }
         error::attitude(&settings.world_from_axes)?;
         positive("the standard deviations taken", settings.sigmas)?;
-        let measured = settings.disturbance.of_measurement(settings.gain.step_s);
-        let template = AxisTemplate::try_new(settings.gain, &SymmetricBox(measured))?;
+        let measured = SymmetricBox(settings.disturbance.of_measurement(settings.gain.step_s));
+        let template = match &settings.corrections {
+            Some(corrections) => AxisTemplate::with_corrections(settings.gain, corrections)?,
+            None => AxisTemplate::try_new(settings.gain, &measured)?,
+        };
         let setup = Setup { settings, template, obstacles };
         let current = setup.revision(0, settings.mass, settings.point.of(prior))?;
         Ok(Self {

@@ -130,6 +130,15 @@ impl Controller for TubeController {
         core::array::from_fn(|axis| self.tube.position_half_width_m(axis))
     }
 
+    /// That of the interval of the mass in use; in turned axes the box of world axes within theirs.
+    fn acceleration_m_s2(&self) -> [f64; 3] {
+        let left = Vector3::from_fn(|axis, _| self.tube.problem(axis).acceleration_m_s2);
+        let turned = self.tube.settings().world_from_axes.to_rotation_matrix().into_inner().abs();
+        let seen = turned * left;
+        let share = left.component_div(&(turned.transpose() * seen)).min();
+        (seen * share).into()
+    }
+
     fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
         let body = self.offered.as_ref().unwrap_or(&self.current).after(belief)?;
         let adoption = self.tube.offer(belief)?;

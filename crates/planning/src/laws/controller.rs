@@ -42,7 +42,8 @@ pub fn other_worlds() -> [Pose<f64>; 2] {
 ///
 /// Of every flight: "sound requests are answered", "commands are finite and inside the limits", "the command names its belief",
 /// "what is kept is what was in use", "the plan is followed" (where the case says so), "the error stays inside the promised
-/// tube", "adoption never loses the guarantee" (the same flight with the first belief alone keeps it).
+/// tube", "adoption never loses the guarantee" (the same flight with the first belief alone keeps it), "an acceleration that is promised is
+/// followed" (along each axis, there and back, from where the case begins).
 /// Of a flight asked for again: "the same requests have the same answers", "a turned world turns nothing in body axes",
 /// "another clock changes nothing".
 /// At the start of every case, with the body believed in: "a reference at rest is kept", "an error does not grow",
@@ -81,6 +82,7 @@ pub fn broken_controller_laws<C: Controller>(
             judge.revisions(),
             judge.follows(),
             judge.promised(),
+            judge.accelerates(),
             judge.repeats(),
             judge.other_worlds(),
             judge.other_clock(),
@@ -94,6 +96,30 @@ pub fn broken_controller_laws<C: Controller>(
         broken.extend(laws.into_iter().filter_map(Result::err));
     }
     broken
+}
+
+/// How long a body that is judged speeds up, and how long it slows down, s.
+const SPURT_S: f64 = 2.0;
+
+/// From rest, faster and faster along a world axis, then slower and slower, then at rest.
+fn there_and_back(first: &Pose<f64>, axis: usize, acceleration_m_s2: f64, time_s: f64) -> PoseReference {
+    let (away, slowing) = (time_s.clamp(0.0, SPURT_S), (time_s - SPURT_S).clamp(0.0, SPURT_S));
+    let moved = 0.5 * away * away + away * slowing - 0.5 * slowing * slowing;
+    let is_moving = (0.0..2.0 * SPURT_S).contains(&time_s);
+    let pushes = if is_moving { f64::signum(SPURT_S - time_s) } else { 0.0 };
+    let along = Vector3::from_fn(|i, _| if i == axis { acceleration_m_s2 } else { 0.0 });
+    let in_body = |world: Vector3<f64>| first.rotation.inverse() * world;
+    let position = first.translation.vector + along * moved;
+    PoseReference {
+        state: RigidBodyState {
+            world_from_body: Pose::from_parts(position.into(), first.rotation),
+            twist_body: Twist::new(Vector3::zeros(), in_body(along * (away - slowing))),
+        },
+        acceleration: BodyAcceleration {
+            angular_acceleration_body: Vector3::zeros(),
+            acceleration_origin_body: in_body(along * pushes),
+        },
+    }
 }
 
 struct Judge<'a, C> {
@@ -192,6 +218,35 @@ impl<C: Controller> Judge<'_, C> {
         let lost = |flight: &Flight| flight.outputs.iter().find(|output| has_lost(output)).cloned();
         let (before, after) = (lost(&alone), lost(&self.flight));
         self.require(law, &before, &after, broken_unless(before.is_some() || after.is_none()), 0.0)
+    }
+
+    fn accelerates(&self) -> Result<(), LawViolation> {
+        let (case, law) = (self.case, "an acceleration that is promised is followed");
+        let Some(tube) = self.promise.tube.as_ref().filter(|_| case.is_promised) else { return Ok(()) };
+        let first = case.plan.trajectory.at(case.start_s).state.world_from_body;
+        for axis in 0..3 {
+            let promised = (self.new)().acceleration_m_s2()[axis];
+            if promised == f64::INFINITY {
+                continue;
+            }
+            self.require(law, &"no less than none", &promised, broken_unless(promised >= 0.0), 0.0)?;
+            let motion = |time_s: f64| there_and_back(&first, axis, promised, time_s - case.start_s);
+            let outputs = 3.0 * SPURT_S / case.step_s;
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+            let flown = ControllerCase {
+                start: motion(case.start_s).state,
+                plan: Plan { trajectory: &motion, model_revision: case.plan.model_revision },
+                beliefs: case.beliefs.get(..1).unwrap_or(&[]),
+                outputs: outputs as usize + 1,
+                ..case.clone()
+            };
+            let flight = Flight::of(&mut (self.new)(), &flown)?;
+            let (share, worst) = flight.worst(0.0, tube);
+            self.require(law, &(axis, promised, tube), &worst, share, 1.0 + ROUNDING)?;
+            let lost = flight.outputs.iter().find(|output| has_lost(output));
+            self.require(law, &(axis, promised), &lost, broken_unless(lost.is_none()), 0.0)?;
+        }
+        Ok(())
     }
 
     fn repeats(&self) -> Result<(), LawViolation> {

@@ -737,8 +737,14 @@ where
             belief: Arc::clone(&self.belief),
             environment: self.environment(),
             stop: self.stop_limits(),
+            followed_m_s2: self.followed_m_s2(),
             settings: Arc::clone(&self.settings),
         });
+    }
+
+    /// What the controller promises to follow, m/s^2, where it will not be told more of the body than it knows.
+    fn followed_m_s2(&self) -> [f64; 3] {
+        if self.settings.feedback { [f64::INFINITY; 3] } else { self.controller.acceleration_m_s2() }
     }
 
     /// What to ask of doubted actuators for a wrench, within their limits; `None` where they are not in doubt.

@@ -9,6 +9,7 @@ use crate::collision::CollisionWorld;
 use crate::error::PlanningError;
 use crate::global::GlobalAnswer;
 use crate::motion::ArcPath;
+use nalgebra::Vector3;
 use std::sync::Arc;
 use tumble_dynamics::{AlignedBox, Environment, RigidBodyState};
 
@@ -57,6 +58,9 @@ where
     pub environment: Environment,
     /// How the stop after a stretch brakes.
     pub stop: StopLimits,
+    /// Largest acceleration along each world axis that the controller promises to follow, m/s^2; infinite where it is told what is learned, and
+    /// follows more by the time a way is flown.
+    pub followed_m_s2: [f64; 3],
     /// Goal, limits, margins, budgets.
     pub settings: Arc<LoopSettings<W::Body>>,
 }
@@ -114,6 +118,12 @@ where
     pub(super) fn position_limits(&self) -> AlignedBox {
         let (limits, start) = (&self.settings.limits.position, &self.start.world_from_body.translation.vector);
         AlignedBox { lower_world: limits.lower_world.inf(start), upper_world: limits.upper_world.sup(start) }
+    }
+
+    /// Force that a way may ask for along each world axis, N: that of the mission, as far as the controller promises to follow what it does
+    /// to the believed body.
+    pub(super) fn force_limit_n(&self) -> Vector3<f64> {
+        self.settings.limits.force_n.inf(&(Vector3::from(self.followed_m_s2) * self.belief.parameters().mass))
     }
 
     pub(super) fn starts_at_rest(&self) -> bool {

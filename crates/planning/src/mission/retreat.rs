@@ -90,7 +90,7 @@ where
         let shares = limit.iter().zip(&apart).filter(|(_, share)| **share != 0.0);
         shares.map(|(limit, share)| limit * distance_m / share.abs()).fold(f64::INFINITY, f64::min)
     };
-    let pushed_m_s2 = FORCE_SHARE * along(&limits.force_n) / belief.parameters().mass;
+    let pushed_m_s2 = FORCE_SHARE * along(&asked.force_limit_n()) / belief.parameters().mass;
     let acceleration_m_s2 = pushed_m_s2.min(along(&limits.speed_m_s).powi(2) / distance_m);
     if acceleration_m_s2.is_nan() || acceleration_m_s2 <= 0.0 {
         return ArcPath::default();

@@ -100,7 +100,8 @@ where
     let (pose, start_s) = (start.world_from_body, seconds(asked.start_ns));
     let clearance = scene.world.clearance(&settings.body, &pose, start_s)?;
     let held_m = |margin_m: f64| held_m(margin_m, clearance.distance_m);
-    let mut limits = MotionLimits { position: asked.position_limits(), ..settings.limits };
+    let mut limits =
+        MotionLimits { position: asked.position_limits(), force_n: asked.force_limit_n(), ..settings.limits };
     let velocity = pose.rotation * start.twist_body.linear;
     limits.speed_m_s = limits.speed_m_s.sup(&velocity.abs());
     if !asked.environment.is_empty() {

@@ -65,7 +65,7 @@ fn a_sound_controller_keeps_every_law() {
     assert!(broken.is_empty(), "{broken:#?}");
 }
 
-/// A sound controller that takes its time to adopt, and brakes where the reference is no number.
+/// A sound controller that takes its time to adopt, brakes where the reference is no number, and promises a quarter of what the limits give.
 struct Deliberate {
     inner: PoseTracking,
     revision: u64,
@@ -80,6 +80,10 @@ impl Deliberate {
 }
 
 impl Controller for Deliberate {
+    fn acceleration_m_s2(&self) -> [f64; 3] {
+        (limits().force_limit * (0.25 / body().mass)).into()
+    }
+
     fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
         // whether it can be
         self.inner.clone().adopt(belief)?;
@@ -140,6 +144,7 @@ enum Fault {
     TakesAnyBody,
     NamesRefusedBelief,
     TakesOlderBelief,
+    PromisesTooMuch,
 }
 
 /// A sound controller with a fault.
@@ -177,6 +182,11 @@ impl Faulty {
 }
 
 impl Controller for Faulty {
+    fn acceleration_m_s2(&self) -> [f64; 3] {
+        let times = if self.fault == Fault::PromisesTooMuch { 4.0 } else { f64::INFINITY };
+        (limits().force_limit * (times / body().mass)).into()
+    }
+
     fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
         let before = self.inner.clone();
         if self.fault == Fault::NamesWhatIsNotKept && belief.revision == 2 {
@@ -286,7 +296,7 @@ fn finite(request: &ControlRequest<'_>) -> bool {
 fn every_fault_is_caught_by_its_law_and_by_no_other() {
     let same = "the same requests have the same answers";
     let refused = "numbers that are not finite are refused";
-    let by_one: [(Fault, &[&str]); 21] = [
+    let by_one: [(Fault, &[&str]); 22] = [
         (Fault::RefusesFromAfar, &["sound requests are answered"]),
         (Fault::SaturatesLate, &["commands are finite and inside the limits"]),
         (Fault::ForgetsRevision, &["the command names its belief"]),
@@ -319,6 +329,7 @@ fn every_fault_is_caught_by_its_law_and_by_no_other() {
         (Fault::TakesAnyBody, &["impossible beliefs are refused"]),
         (Fault::NamesRefusedBelief, &["a refused belief changes nothing"]),
         (Fault::TakesOlderBelief, &["an older belief changes nothing"]),
+        (Fault::PromisesTooMuch, &["an acceleration that is promised is followed"]),
     ];
     for (fault, expected) in by_one {
         let found = names(&judged(&|| Faulty::new(fault)));

@@ -3,8 +3,8 @@
 use crate::control_cases;
 use crate::control_cases::{body, cases, limits, small};
 use tumble_planning::control::{
-    Adoption, AttitudeController, AttitudeGains, AttitudeLaw, AttitudeSpan, AxisGain, EndAttitude, Fallback,
-    FallbackReason, MassInterval, ReferenceMotion, Terminal, TrackedPoint, TubeController, TubeDisturbance,
+    Adoption, AttitudeController, AttitudeGains, AttitudeLaw, AttitudeSpan, AxisGain, Controller, EndAttitude,
+    Fallback, FallbackReason, MassInterval, ReferenceMotion, Terminal, TrackedPoint, TubeController, TubeDisturbance,
     TubeObstacles, TubeSettings, TubeWeights,
 };
 use tumble_planning::dynamics::{InertialParameters, PoseReference, RigidBodyState, WrenchModel};
@@ -30,6 +30,7 @@ fn settings(mass: [f64; 2]) -> TubeSettings {
         attitudes: AttitudeSpan::Any,
         turned_by_rad: 0.01,
         disturbance: TubeDisturbance { position_m: 0.0, velocity_m_s: 0.0, force_n: 0.002, acceleration_m_s2: 0.0 },
+        corrections: None,
         mass: MassInterval::between(mass[0], mass[1]).unwrap(),
         sigmas: 3.0,
         world_from_axes: UnitQuaternion::identity(),
@@ -357,4 +358,27 @@ fn braking_only_brakes() {
         .unwrap();
         assert!(braked > 10 && before.max() < 0.01, "{factor}: {braked}, {before}");
     }
+}
+
+/// Every acceleration in the promised box of world axes is one that the axes of the tube leave to plans, and one corner of it uses all of an axis.
+#[test]
+fn what_it_promises_to_follow_is_what_the_axes_leave() {
+    let mass = body().mass;
+    let upright = settings([0.8 * mass, 1.25 * mass]);
+    let left = |controller: &TubeController| [0, 1, 2].map(|axis| controller.tube().problem(axis).acceleration_m_s2);
+    let aligned = controller(upright);
+    for (promised, left) in aligned.acceleration_m_s2().into_iter().zip(left(&aligned)) {
+        assert!((promised / left - 1.0).abs() < 1e-12);
+    }
+    let world_from_axes = UnitQuaternion::new(Vector3::new(0.4, -0.7, 0.3));
+    let turned = controller(TubeSettings { world_from_axes, force_limit_n: Vector3::new(0.5, 0.4, 0.3), ..upright });
+    let (promised, left) = (turned.acceleration_m_s2(), left(&turned));
+    let mut most = 0.0_f64;
+    for corner in 0..8 {
+        let world = Vector3::from_fn(|i, _| if corner >> i & 1 == 0 { promised[i] } else { -promised[i] });
+        let in_axes: Vector3<f64> = world_from_axes.inverse() * world;
+        let share = in_axes.abs().component_div(&Vector3::from(left)).max();
+        most = most.max(share);
+    }
+    assert!((most - 1.0).abs() < 1e-12, "{most}");
 }

@@ -13,7 +13,8 @@ use tumble_identification::recursive::{
 use tumble_lie::LieGroup;
 use tumble_planning::collision::{BodyShape, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::{
-    AttitudeController, AttitudeLaw, AttitudeSpan, TrackedPoint, TubeController, TubeDisturbance, TubeSettings,
+    AttitudeController, AttitudeLaw, AttitudeSpan, AxisSensing, Corrections, TrackedPoint, TubeController,
+    TubeDisturbance, TubeSettings,
 };
 use tumble_planning::local::{
     CovarianceWeighting, ExponentialWeighting, FixedWeighting, Hull, InformationWeighting, PlanarBodyModel,
@@ -25,6 +26,13 @@ use tumble_planning::mission::{
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
+/// Deviations of an estimate's corrections, and of its errors, that the tube of a robot is built for that does not learn: of a mission of four hundred
+/// decisions along three axes one in five hundred sees more.
+const NOISE_SIGMAS: f64 = 4.8;
+/// Shares of what the feedback may ask for against these, and forces from outside, that plans leave it, the first that leaves enough of the force to them,
+/// and what is enough.
+const RESERVED: [f64; 4] = [0.5, 0.3, 0.15, 0.05];
+const LEAST_SHARE: f64 = 0.2;
 /// Largest error of the estimator's position and velocity along an axis, standard deviations of what it claims.
 const ERRORS: [f64; 2] = [3e-4, 1.5e-4];
 /// Slow errors of the believed wrench beside those of its nozzles, N m and N: drag, and what of servos and impellers is not in the thrust that is
@@ -257,6 +265,7 @@ pub fn tube_controllers(
     let left = |span: &AttitudeSpan| span.inner_box(&limits.force_n).min();
     let attitudes = if left(&near) > left(&AttitudeSpan::Any) { near } else { AttitudeSpan::Any };
     let [position_m, velocity_m_s] = ERRORS;
+    let (learns, told) = (problem.feedback, estimator_settings(problem));
     let speed_m_s = problem.planning.limits.speed_m_s.max();
     move |belief: &ModelBelief| {
         let body = belief.parameters();
@@ -281,8 +290,52 @@ pub fn tube_controllers(
             };
             TubeController::try_new(settings, None, attitude, body)
         };
+        if !learns {
+            // the interval of the mass stays as wide as it is: plans get what the sensors leave of the rest
+            let tube = control_presets::tube_settings(mass, &limits, attitudes);
+            let noise = axis_sensing(&told, mass.least_kg()).filtered(tube.gain.step_s)?;
+            let [position_m, velocity_m_s] = [noise.error.m11, noise.error.m22].map(|of| NOISE_SIGMAS * f64::sqrt(of));
+            let of = |reserved: f64| {
+                let settings = TubeSettings {
+                    // what the estimate moves by of itself is no speed of the robot
+                    speed_m_s: 2.0 * (speed_m_s + velocity_m_s),
+                    corrections: Some(Corrections { covariance: noise.corrections, sigmas: NOISE_SIGMAS, reserved }),
+                    disturbance: TubeDisturbance {
+                        position_m,
+                        velocity_m_s,
+                        force_n: FORCE_FROM_OUTSIDE_N,
+                        acceleration_m_s2: 0.0,
+                    },
+                    point: TrackedPoint::BelievedCenterOfMass,
+                    ..tube
+                };
+                TubeController::try_new(settings, None, attitude, body)
+            };
+            let leaves_enough = |tube: &Result<TubeController, PlanningError>| {
+                let problem = tube.as_ref().ok().map(|controller| controller.tube().problem(0));
+                problem.is_some_and(|axis| axis.acceleration_m_s2 >= LEAST_SHARE * axis.force_n / axis.center_kg)
+            };
+            // where they would take next to all the force the feedback gets less than it asks for more often
+            return RESERVED.into_iter().map(of).find(leaves_enough).unwrap_or_else(|| of(0.0));
+        }
         // a body so heavy that errors alone would take all the force has a tube for smaller ones: more often outside of it
         HELD.into_iter().map(of).find(Result::is_ok).unwrap_or_else(|| of(0.0))
+    }
+}
+
+/// An axis of the localisation, and what pushes a body of this mass that is not commanded.
+fn axis_sensing(told: &FlightEstimatorSettings, mass_kg: f64) -> AxisSensing {
+    let FlightEstimatorSettings { noise, wrench, slow, .. } = told;
+    let [age_ns, ..] = slow.age_ns;
+    let white_m_s2 = noise.force_n / mass_kg;
+    AxisSensing {
+        period_s: CONTROL_PERIOD_S,
+        age_s: age_ns as f64 * 1e-9,
+        white: [noise.position_m, noise.velocity_m_s],
+        position_wander: slow.position,
+        velocity_wander: slow.velocity,
+        white_m2_s3: white_m_s2 * white_m_s2 * wrench.period_s,
+        drift: GaussMarkov { sigma: wrench.drift[3] / mass_kg, time_s: wrench.drift_time_s },
     }
 }
 

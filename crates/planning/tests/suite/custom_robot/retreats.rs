@@ -112,3 +112,24 @@ fn who_has_room_or_moves_is_told_that_there_is_no_way() {
     far.start.twist_body.linear.y = 0.01;
     assert!(matches!(serve(&mut (Lost, planners().1), &far).found, Found::Way(answer) if answer.plan.is_none()));
 }
+
+/// The same request, however fast the controller promises to follow: a way asks for no more than that.
+#[test]
+fn a_way_keeps_within_what_the_controller_promises_to_follow() {
+    // who learns follows more by the time the way is flown
+    assert_eq!(asked(0.4).followed_m_s2, [f64::INFINITY; 3]);
+    let mut durations_s = Vec::new();
+    for followed_m_s2 in [0.002, 0.005, f64::INFINITY] {
+        let request = PlanRequest { followed_m_s2: [followed_m_s2; 3], ..asked(0.4) };
+        let Found::Way(answer) = serve(&mut planners(), &request).found else { panic!("{followed_m_s2}") };
+        let way = answer.plan.unwrap().trajectory;
+        let pushed = way
+            .arcs()
+            .iter()
+            .flat_map(|arc| arc.translation(0.5 * arc.duration_s).1.iter().copied().collect::<Vec<_>>());
+        let hardest = pushed.fold(0.0, |most: f64, pushed| most.max(pushed.abs()));
+        assert!(hardest <= followed_m_s2 * (1.0 + 1e-9) && hardest > 0.0, "{hardest} of {followed_m_s2}");
+        durations_s.push(way.duration_s());
+    }
+    assert!(durations_s.windows(2).all(|two| two[1] < two[0]), "{durations_s:?}");
+}

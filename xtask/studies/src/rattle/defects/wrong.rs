@@ -189,6 +189,13 @@ pub struct WrongController {
 }
 
 impl Controller for WrongController {
+    fn acceleration_m_s2(&self) -> [f64; 3] {
+        match &self.flies {
+            Flies::Ours(tube) => tube.acceleration_m_s2(),
+            Flies::Original(tube) => tube.acceleration_m_s2(),
+        }
+    }
+
     fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
         let belief = self.teller.told(Who::Controller, belief);
         match &mut self.flies {
