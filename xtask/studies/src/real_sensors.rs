@@ -10,10 +10,13 @@ use std::time::Instant;
 
 use nalgebra::{DMatrix, DVector};
 use serde_json::json;
+use tumble::TumbleError;
 use tumble::flight_log::Recorder;
+use tumble::mission::{FlownPeriod, FlyOptions, LayerNames, MissionHooks, ModelChoice, WeightingChoice, fly};
 use tumble::robots::shipped;
 use tumble::scenario::ScenarioSource;
 use tumble_dynamics::InertialParameters;
+use tumble_formats::FormatsError;
 use tumble_formats::log::LogReader;
 use tumble_identification::{Identification, MotionSample, Pipeline, Settings};
 
@@ -24,7 +27,7 @@ use crate::targets::Report;
 const FIRST_SEED: u64 = 901;
 const SEEDS: usize = 24;
 /// A scenario, and the share of its logs that must be answered: station keeping by itself excites nothing but noise.
-const SCENARIOS: [(&str, f64); 10] = [
+const SCENARIOS: [(&str, f64); 14] = [
     ("iss-excite", 0.98),
     (THESIS_FLIGHT, 0.98),
     ("iss-payload", 0.98),
@@ -34,8 +37,15 @@ const SCENARIOS: [(&str, f64); 10] = [
     ("iss-cargo", 0.0),
     ("iss-station", 0.0),
     ("tube-hold", 0.0),
+    ("fly/iss-cargo", 0.9),
+    ("fly/iss-cargo/plain", 0.9),
+    ("fly/granite-cargo", 0.0),
+    ("fly/granite-cargo/plain", 0.0),
     (DRAWN, 0.75),
 ];
+/// A mission in closed loop, whose body is held to a way by a controller; as `plain` without information weights, so that next to nothing turns it.
+const FLY: &str = "fly/";
+const PLAIN: &str = "/plain";
 /// Of these sensors: stamps that jitter, late and lost estimates, jumps, an accelerometer with scales.
 const THESIS_FLIGHT: &str = "iss-excite/thesis-flight";
 /// Other robots: their bodies, sensors, filters, rates and delays are drawn. Filters that are long beside a segment colour what is left, and are
@@ -50,10 +60,53 @@ fn bad(error: impl std::fmt::Display) -> Failure {
     Failure::BadInput(format!("real-sensors: {error}"))
 }
 
+/// Writes the log of a mission.
+struct Written<'a>(Recorder<&'a mut Vec<u8>>);
+
+impl MissionHooks for Written<'_> {
+    fn period(&mut self, period: &FlownPeriod<'_>) -> Result<(), TumbleError> {
+        let written = self.0.record(period.measured, period.estimates);
+        Ok(written.map_err(|source| FormatsError::Unwritable { path: "log".into(), source })?)
+    }
+}
+
+/// The log of a mission, and the body that flew.
+fn mission(name: &str, seed: u64) -> Result<(Vec<u8>, InertialParameters<f64>), Failure> {
+    let plain = name.strip_suffix(PLAIN);
+    let source = ScenarioSource::find(plain.unwrap_or(name)).map_err(bad)?.among(&shipped());
+    let options = FlyOptions {
+        seed,
+        weighting: if plain.is_some() { WeightingChoice::None } else { WeightingChoice::Covariance },
+        feedback: true,
+        model: ModelChoice::Scenario,
+        fault: None,
+        layers: LayerNames::default(),
+    };
+    let mut text = Vec::new();
+    let mut written = Written(Recorder::new(&mut text).map_err(bad)?);
+    let record = fly(&source, &options, &mut written).map_err(bad)?;
+    written.0.finish().map_err(bad)?;
+    Ok((text, record.summary.body_at_end()))
+}
+
+/// What a log says.
+fn read(text: &[u8], name: &str) -> Result<Vec<MotionSample>, Failure> {
+    let mut reader = LogReader::from_reader(text, name.as_ref(), false).map_err(bad)?;
+    let mut record = Vec::new();
+    while let Some(sample) = reader.next_sample().map_err(bad)? {
+        record.push(sample);
+    }
+    Ok(record)
+}
+
 /// The log of a flight, and the body that flew.
 fn flown(name: &str, seed: u64) -> Result<(Vec<MotionSample>, InertialParameters<f64>), Failure> {
     if name == DRAWN {
         return drawn::flown(seed).map_err(bad);
+    }
+    if let Some(name) = name.strip_prefix(FLY) {
+        let (text, body) = mission(name, seed)?;
+        return Ok((read(&text, name)?, body));
     }
     let (scenario, sensing) = name.split_once('/').unzip();
     let mut source = ScenarioSource::find(scenario.unwrap_or(name)).map_err(bad)?.among(&shipped());
@@ -68,12 +121,7 @@ fn flown(name: &str, seed: u64) -> Result<(Vec<MotionSample>, InertialParameters
         recorder.record(&measured, flight.simulator.estimates()).map_err(bad)?;
     }
     recorder.finish().map_err(bad)?;
-    let mut reader = LogReader::from_reader(text.as_slice(), name.as_ref(), false).map_err(bad)?;
-    let mut record = Vec::new();
-    while let Some(sample) = reader.next_sample().map_err(bad)? {
-        record.push(sample);
-    }
-    Ok((record, flight.simulator.body()))
+    Ok((read(&text, name)?, flight.simulator.body()))
 }
 
 /// An answer against the truth, in standard deviations: mass, then centre of mass and inertia as far as they are determined.

@@ -1,7 +1,10 @@
 //! Maximum likelihood with a model of the sensors in it: wander, filters, gains, biases, delays, scales of thrusters, levels.
 //!
-//! The multiple shooting of [`MaximumLikelihood`](super::MaximumLikelihood) with nine states of wander in the chain, one mean row per stream
-//! and short segment, and the inertial unit's filters applied to the wrench and not to states.
+//! The multiple shooting of [`MaximumLikelihood`](super::MaximumLikelihood) with nine states of wander in the chain, six of errors of the wrench
+//! that last, one mean row per stream and short segment, and the inertial unit's filters applied to the wrench and not to states.
+//!
+//! Under feedback the motion depends on earlier errors of the wrench. A likelihood of the right errors is unbiased there, one of white errors is
+//! not: errors that last, as those of thrusts do, are states of their own, as long as the record is likelier with them.
 
 mod coherent;
 mod eliminate;

@@ -114,28 +114,25 @@ fn a_mission_on_the_table_answers_in_one_object() {
     assert_eq!((&run["command"], &run["seed"]), (&Value::from("fly"), &Value::from(5)));
 }
 
-/// Thrusts that are off by a per cent make torques nearly as large as those of a mission in a straight line: a search that begins with narrow
-/// levels takes what they do for noise of the gyroscope, and may never come to rest. Of flights one by one it does in one of thirty, and says
-/// that it has no answer; two in thirty are doubted.
+/// Thrusters that are off by a per cent make torques a tenth as large as those of a mission in a straight line, and a controller answers what the
+/// body does under them: taken for white noise they drew moments of inertia five standard deviations off, or the search never came to rest.
 #[test]
 fn missions_whose_thrusts_are_off_are_identified() {
     let folder = scratch("thrusts-off");
-    let mut identified = 0;
-    for seed in ["7306", "7307", "7308"] {
-        let output = tumble_in(&folder, &["fly", "iss-cargo", "--seed", seed, "--out", "flight", "--force"]);
-        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-        let output = tumble_in(&folder, &["identify", "flight/log.csv", "--reference", "flight/truth.toml", "--json"]);
-        if output.status.code() == Some(3) {
-            continue;
+    for (weighting, seeds) in [("covariance", ["7306", "7307", "7308"]), ("none", ["7307", "7310", "7311"])] {
+        for seed in seeds {
+            let flight = ["fly", "iss-cargo", "--weighting", weighting, "--seed", seed, "--out", "flight", "--force"];
+            let output = tumble_in(&folder, &flight);
+            assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+            let output =
+                tumble_in(&folder, &["identify", "flight/log.csv", "--reference", "flight/truth.toml", "--json"]);
+            assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+            let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+            let errors = found["reference"]["error_over_sigma"].as_array().unwrap();
+            assert!(errors.iter().all(|error| number(error).abs() < 3.0), "{weighting} {seed}: {errors:?}");
+            assert!(number(&found["std"]["mass_kg"]) < 0.04 * number(&found["mass_kg"]), "{found}");
         }
-        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
-        let errors = found["reference"]["error_over_sigma"].as_array().unwrap();
-        assert!(errors.iter().all(|error| number(error).abs() < 3.0), "{errors:?}");
-        assert!(number(&found["std"]["mass_kg"]) < 0.04 * number(&found["mass_kg"]), "{found}");
-        identified += 1;
     }
-    assert!(identified >= 2, "{identified} of 3");
 }
 
 /// Every refusal names the place and the remedy, and leaves nothing behind.

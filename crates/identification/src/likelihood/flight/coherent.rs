@@ -32,7 +32,7 @@ struct Sizes {
 
 impl Sizes {
     fn of(fit: &Fit<'_>) -> Option<Self> {
-        let errors: Vec<SVector<f64, AXES>> = fit.wrench_errors().map(SVector::from).collect();
+        let errors: Vec<SVector<f64, AXES>> = fit.all_wrench_errors().map(SVector::from).collect();
         let wrenches: Vec<SVector<f64, AXES>> = (0..errors.len())
             .map(|j| {
                 let rows = j * fit.samples..(j + 1) * fit.samples;

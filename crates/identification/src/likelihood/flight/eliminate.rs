@@ -5,11 +5,11 @@
 //! parameters of measurements have no part in the flow.
 //!
 //! # Source
-//! Riccati elimination of `MaximumLikelihood`, with nine states of wander beside those of the motion.
+//! Riccati elimination of `MaximumLikelihood`, with the lasting errors of the wrench and nine states of wander beside those of the motion.
 
 #![allow(clippy::needless_range_loop)] // indices are those of the formulas
 
-use super::layout::{MOTION, NOISES, ROWS, STATES, WANDERS, WRENCH};
+use super::layout::{ACTING, MOTION, NOISES, ROWS, SLOW, STATES, WRENCH};
 use super::tiles::{DEPTH, Rows, TILE, add_product, padded};
 
 /// Sizes of a chain.
@@ -32,18 +32,18 @@ impl Shape {
         STATES + NOISES + self.parameters + 1
     }
 
-    /// Columns of the flow: motion, errors of the wrench, dynamic parameters, one.
+    /// Columns of the flow: motion, lasting errors of the wrench, those of the segment, dynamic parameters, one.
     pub(super) fn flow(self) -> usize {
-        MOTION + WRENCH + self.dynamic + 1
+        ACTING + WRENCH + self.dynamic + 1
     }
 }
 
-/// Wander over one segment.
+/// What the slow states do over one segment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wandering {
-    pub(super) decay: [f64; WANDERS],
-    pub(super) drive: [f64; WANDERS],
-    pub(super) sigma: [f64; WANDERS],
+    pub(super) decay: [f64; SLOW],
+    pub(super) drive: [f64; SLOW],
+    pub(super) sigma: [f64; SLOW],
 }
 
 /// A linearised chain.
@@ -104,14 +104,14 @@ fn scale(row: &mut [f64], factor: f64) {
 }
 
 impl Chain {
-    pub(super) fn new(segments: usize, shape: Shape, wandering: Wandering, first: [f64; MOTION]) -> Self {
+    pub(super) fn new(segments: usize, shape: Shape, wandering: &Wandering, first: [f64; MOTION]) -> Self {
         Self {
             shape,
             rows: vec![0.0; segments * ROWS * shape.width()],
             weights: vec![[0.0; ROWS]; segments],
             flow: vec![0.0; segments * MOTION * shape.flow()],
             errors: vec![[0.0; WRENCH]; segments],
-            wandering,
+            wandering: *wandering,
             first,
             gains: vec![0.0; segments * NOISES * shape.eliminated()],
             factors: vec![[[0.0; NOISES]; NOISES]; segments],
@@ -161,9 +161,9 @@ impl Chain {
         let mut less = vec![0.0; NOISES * first_noise];
         let places: Vec<usize> = (0..nf)
             .map(|column| match column {
-                c if c < MOTION => c,
-                c if c < MOTION + WRENCH => first_noise + c - MOTION,
-                c if c + 1 < nf => STATES + c - MOTION - WRENCH,
+                c if c < ACTING => c,
+                c if c < ACTING + WRENCH => first_noise + c - ACTING,
+                c if c + 1 < nf => STATES + c - ACTING - WRENCH,
                 _ => one,
             })
             .collect();
@@ -208,12 +208,13 @@ impl Chain {
                         q[a.min(b) * width + a.max(b)] += more;
                     }
                     let row = &moved[c * first_noise..c * first_noise + ny];
-                    for i in 0..WANDERS {
+                    for i in 0..SLOW {
                         let (state, noise) = (MOTION + i, first_noise + WRENCH + i);
-                        q[a.min(state) * width + a.max(state)] += row[state] * self.wandering.decay[i];
+                        let twice = if a == state { 2.0 } else { 1.0 };
+                        q[a.min(state) * width + a.max(state)] += twice * row[state] * self.wandering.decay[i];
                         q[a.min(noise) * width + a.max(noise)] += row[state] * self.wandering.drive[i];
                     }
-                    if a < MOTION {
+                    if a < ACTING {
                         for (out, more) in q[a * width + STATES..a * width + ny].iter_mut().zip(&row[STATES..]) {
                             *out += more;
                         }
@@ -224,11 +225,11 @@ impl Chain {
                         }
                     }
                 }
-                for i in 0..WANDERS {
+                for i in 0..SLOW {
                     let (state, noise) = (MOTION + i, first_noise + WRENCH + i);
                     let (decay, drive) = (self.wandering.decay[i], self.wandering.drive[i]);
                     let row = &v[state * width..state * width + ny];
-                    for k in 0..WANDERS {
+                    for k in 0..SLOW {
                         let (other, beside) = (MOTION + k, first_noise + WRENCH + k);
                         let value = v[state.min(other) * width + state.max(other)];
                         q[state * width + beside] += value * decay * self.wandering.drive[k];
@@ -318,6 +319,11 @@ impl Chain {
         (0..ny * ny).map(|at| (at / ny, at % ny)).map(|(a, b)| v[a.min(b) * width + a.max(b)]).collect()
     }
 
+    /// Sum of the logarithms of the pivots of all noises, as last eliminated: half the logarithm of the determinant of their information.
+    pub(super) fn log_pivots(&self) -> f64 {
+        self.factors.iter().flat_map(|factor| (0..NOISES).map(|i| factor[i][i].ln())).sum()
+    }
+
     /// States and noises of every segment for a first state and a step of the parameters.
     pub(super) fn forward(&self, first: &[f64; STATES], step: &[f64]) -> (Vec<[f64; STATES]>, Vec<[f64; NOISES]>) {
         let segments = self.segments();
@@ -335,18 +341,18 @@ impl Chain {
             for i in 0..MOTION {
                 let row = &self.flow[(j * MOTION + i) * nf..(j * MOTION + i + 1) * nf];
                 let mut sum = row[nf - 1];
-                for (c, x) in x.iter().enumerate().take(MOTION) {
+                for (c, x) in x.iter().enumerate().take(ACTING) {
                     sum += row[c] * x;
                 }
                 for (c, u) in u.iter().enumerate().take(WRENCH) {
-                    sum += row[MOTION + c] * u;
+                    sum += row[ACTING + c] * u;
                 }
                 for (c, step) in step.iter().enumerate().take(nd) {
-                    sum += row[MOTION + WRENCH + c] * step;
+                    sum += row[ACTING + WRENCH + c] * step;
                 }
                 next[i] = sum;
             }
-            for i in 0..WANDERS {
+            for i in 0..SLOW {
                 next[MOTION + i] = self.wandering.decay[i] * x[MOTION + i] + self.wandering.drive[i] * u[WRENCH + i];
             }
             states.push(x);
@@ -356,11 +362,11 @@ impl Chain {
         (states, noises)
     }
 
-    /// Shares of freedom that states, noises and parameters take of each row, and the posterior variances of the errors of the wrench,
-    /// from the covariance of first state and parameters (symmetric, `STATES + parameters` wide).
+    /// Shares of freedom that states, noises and parameters take of each row, and the posterior variances of the errors of the wrench, those of the
+    /// segment and the drives of lasting ones, from the covariance of first state and parameters (symmetric, `STATES + parameters` wide).
     ///
     /// The noises are `u = -K y + e`, where e is of its own covariance S, beside y of state and parameters with covariance C.
-    pub(super) fn shares(&self, covariance: &[f64]) -> (Vec<[f64; ROWS]>, Vec<[f64; WRENCH]>) {
+    pub(super) fn shares(&self, covariance: &[f64]) -> (Vec<[f64; ROWS]>, Vec<[f64; 2 * WRENCH]>) {
         let shape = self.shape;
         let (n, p, nf) = (STATES + shape.parameters, shape.parameters, shape.flow());
         let (wide, asked, tall) = (padded(n), padded(NOISES + ROWS), padded(MOTION));
@@ -432,13 +438,13 @@ impl Chain {
                 for (i, to) in to.iter_mut().enumerate().take(MOTION) {
                     *to = flows[i * nf + column];
                 }
-                if let Some(noise) = column.checked_sub(MOTION).filter(|noise| *noise < WRENCH) {
+                if let Some(noise) = column.checked_sub(ACTING).filter(|noise| *noise < WRENCH) {
                     for (out, x) in out.iter_mut().zip(product(noise)) {
                         *out = -x;
                     }
                     out[wide..wide + NOISES].copy_from_slice(&noises[noise]);
                 } else {
-                    let a = if column < MOTION { column } else { STATES + column - MOTION - WRENCH };
+                    let a = if column < ACTING { column } else { STATES + column - ACTING - WRENCH };
                     out[..n].copy_from_slice(&c[a * wide..a * wide + n]);
                     for (i, out) in out[wide..wide + NOISES].iter_mut().enumerate() {
                         *out = -products[i * wide + a];
@@ -454,7 +460,7 @@ impl Chain {
                     if at < wide { c[(MOTION + i) * wide + at] } else { -products[(at - wide) * wide + MOTION + i] };
                 decay * state + drive * noise
             };
-            for i in 0..WANDERS {
+            for i in 0..SLOW {
                 let out = &mut next[(MOTION + i) * width..(MOTION + i + 1) * width];
                 for at in (0..n).chain(wide..wide + NOISES) {
                     out[at] = wandered(i, at);
@@ -464,12 +470,12 @@ impl Chain {
                 let out = &mut c[r * wide..r * wide + n];
                 for (i, out) in out.iter_mut().enumerate().take(MOTION) {
                     let flow = &flows[i * nf..(i + 1) * nf];
-                    let (noises, parameters) = (MOTION + WRENCH, &flow[MOTION + WRENCH..nf - 1]);
-                    *out = dot(&flow[..MOTION], &from[..MOTION])
-                        + dot(&flow[MOTION..noises], &from[wide..wide + WRENCH])
+                    let (noises, parameters) = (ACTING + WRENCH, &flow[ACTING + WRENCH..nf - 1]);
+                    *out = dot(&flow[..ACTING], &from[..ACTING])
+                        + dot(&flow[ACTING..noises], &from[wide..wide + WRENCH])
                         + dot(parameters, &from[STATES..STATES + parameters.len()]);
                 }
-                for i in 0..WANDERS {
+                for i in 0..SLOW {
                     out[MOTION + i] =
                         self.wandering.decay[i] * from[MOTION + i] + self.wandering.drive[i] * from[wide + WRENCH + i];
                 }

@@ -2,6 +2,7 @@
 
 mod assemble;
 mod coarse;
+mod evidence;
 mod judge_levels;
 mod start;
 
@@ -9,7 +10,9 @@ use super::super::coordinates::Coordinates;
 use super::super::flow::State;
 use super::eliminate::{Chain, Form, Shape, Wandering};
 use super::grid::{ATTITUDE, Grid, RATE, Row, STREAMS, whole};
-use super::layout::{BODY, CENTER, DELAYS, INERTIA, LOG_MASS, Layout, MOTION, NOISES, ROWS, STATES, WANDERS, WRENCH};
+use super::layout::{
+    ACTING, BODY, CENTER, DELAYS, INERTIA, LOG_MASS, Layout, MOTION, NOISES, ROWS, SLOW, STATES, WRENCH,
+};
 use super::levels::{FoundLevels, jumps, white};
 use super::sweep::{Sweep, Swept};
 use super::thrusters::{Term, with_gains};
@@ -38,7 +41,10 @@ const NEAR: f64 = 1e4;
 /// Rounds of levels: at least, and at most while they still change by more than a factor.
 const ROUNDS: (usize, usize) = (3, 16);
 const SETTLED: f64 = 1.1;
-/// Bounds of the change of the wrench's level in a round.
+/// Those of the wrench while the last change moved the parameters by more than this, in squared standard deviations: where the record shows little
+/// of it its level creeps on for long.
+const STILL: f64 = 1e-2;
+/// Bounds of the change of the square of a level of the wrench in a round.
 const WRENCH_CHANGE: (f64, f64) = (0.1, 10.0);
 /// Start and floor of the error of the wrench, by its root mean square: torque, force.
 const WRENCH_START: [f64; 2] = [5e-4, 3e-4];
@@ -53,10 +59,11 @@ const LARGEST_DELAY_STEP_S: f64 = 0.03;
 /// Distances, in segments, over which what a filter that nobody describes leaves alike is counted, and how much of it at most.
 const COLOURS: usize = 8;
 const LARGEST_COLOUR: f64 = 16.0;
-/// Errors of the wrench are looked at for their colour where the record shows this share of them, over this time, s, and believed up to so much.
-const SEEN: f64 = 0.05;
-const ALIKE_S: f64 = 4.0;
-const LARGEST_WRENCH_COLOUR: f64 = 100.0;
+/// Time over which lasting errors of the wrench change, s, and their start as a share of its root mean square.
+const LASTING_S: f64 = 4.0;
+const LASTING_START: f64 = 1e-4;
+/// They are believed where without them minus twice the logarithm of the likelihood is more by this.
+const LASTING_SHOWN: f64 = 9.0;
 /// Gates in standard deviations: of inertial rows, of drives of the wander.
 const GATE: f64 = 4.5;
 const WANDER_GATE: f64 = 5.0;
@@ -87,6 +94,8 @@ pub(super) struct Levels {
     pub(super) wander: [(f64, f64); 3],
     /// Error of one sample of the wrench: torque, force.
     pub(super) wrench: [f64; 2],
+    /// Errors of the wrench that last for [`LASTING_S`]: torque, force.
+    pub(super) lasting: [f64; 2],
 }
 
 /// A record in work.
@@ -124,6 +133,8 @@ pub(super) struct Fit<'a> {
     sweep: Sweep,
     nodes: Vec<State>,
     errors: Vec<[f64; WRENCH]>,
+    /// Lasting errors of the wrench after the last step, in units of one sigma.
+    lasting: Vec<[f64; WRENCH]>,
     ratio: [f64; 2],
     pub(super) chain: Chain,
     /// Quadratic form of the first state, the parameters and one.
@@ -248,7 +259,12 @@ impl<'a> Fit<'a> {
             free: Vec::new(),
             prior: Vec::new(),
             mean: vec![0.0; count],
-            levels: Levels { white: [0.0; STREAMS], wander: [(0.0, WANDER_TIME_S); 3], wrench: [0.0; 2] },
+            levels: Levels {
+                white: [0.0; STREAMS],
+                wander: [(0.0, WANDER_TIME_S); 3],
+                wrench: [0.0; 2],
+                lasting: [0.0; 2],
+            },
             raw,
             smallest: [0.0; STREAMS],
             largest: [f64::INFINITY; STREAMS],
@@ -266,11 +282,12 @@ impl<'a> Fit<'a> {
             sweep: Sweep::new(grid.len(), segments, layout),
             nodes: Vec::new(),
             errors: vec![[0.0; WRENCH]; segments],
+            lasting: vec![[0.0; WRENCH]; segments],
             ratio,
             chain: Chain::new(
                 0,
                 Shape { parameters: 0, dynamic: 0 },
-                Wandering { decay: [0.0; WANDERS], drive: [0.0; WANDERS], sigma: [1.0; WANDERS] },
+                &Wandering { decay: [0.0; SLOW], drive: [0.0; SLOW], sigma: [1.0; SLOW] },
                 [0.0; MOTION],
             ),
             form: Form::new(),
@@ -365,10 +382,17 @@ impl<'a> Fit<'a> {
         self.errors.iter().map(move |error| core::array::from_fn(|i| error[i] * self.levels.wrench[i / 3] / root))
     }
 
+    /// Error of the wrench over each segment, lasting ones included.
+    pub(super) fn all_wrench_errors(&self) -> impl Iterator<Item = [f64; WRENCH]> + '_ {
+        let both = self.wrench_errors().zip(&self.lasting);
+        both.map(|(error, lasting)| core::array::from_fn(|i| error[i] + lasting[i] * self.levels.lasting[i / 3]))
+    }
+
     fn wandering(&self) -> Wandering {
         let segment_s = self.samples as f64 * self.grid.step_s;
-        let mut out = Wandering { decay: [0.0; WANDERS], drive: [0.0; WANDERS], sigma: [0.0; WANDERS] };
-        for (i, (sigma, time_s)) in self.levels.wander.into_iter().enumerate() {
+        let mut out = Wandering { decay: [0.0; SLOW], drive: [0.0; SLOW], sigma: [0.0; SLOW] };
+        let lasting = [(1.0, LASTING_S); 2];
+        for (i, (sigma, time_s)) in lasting.into_iter().chain(self.levels.wander).enumerate() {
             let (decay, sigma) = ((-segment_s / time_s).exp(), sigma.max(1e-12));
             for axis in 3 * i..3 * i + 3 {
                 out.decay[axis] = decay;
@@ -383,6 +407,7 @@ impl<'a> Fit<'a> {
     pub(super) fn run(&mut self) -> Result<(), IdentificationError> {
         let mut rounds = 0;
         let mut settled = self.is_all_known();
+        let mut asked = false;
         for sweep in 0..SWEEPS {
             self.sweeps = sweep + 1;
             self.linearise();
@@ -391,8 +416,15 @@ impl<'a> Fit<'a> {
             let moved = (1..LAST_SHIFT).contains(&sweep) && self.move_streams();
             if !settled && rounds < ROUNDS.1 && sweep >= FIRST_ROUND {
                 rounds += 1;
-                let change = self.take_levels(&states, &noises, self.decrement < NEAR);
-                settled = rounds >= ROUNDS.0 && change < SETTLED;
+                let [measured, wrench] = self.take_levels(&states, &noises, self.decrement < NEAR);
+                let is_still = measured < SETTLED && (wrench < SETTLED || self.decrement < STILL);
+                settled = rounds >= ROUNDS.0 && is_still;
+                if (settled || rounds == ROUNDS.1) && !asked {
+                    asked = true;
+                    if self.forget_lasting() {
+                        (settled, rounds) = (false, 0);
+                    }
+                }
                 continue;
             }
             if self.decrement < SMALL_DECREMENT[usize::from(sweep >= FULL_STEPS)] && sweep >= 3 && !moved {
@@ -424,7 +456,8 @@ impl<'a> Fit<'a> {
         self.eta[LOG_MASS] = body.log_mass;
         self.eta[CENTER..INERTIA].copy_from_slice(body.center.as_slice());
         self.set_inertia(&body.inertia);
-        self.levels = Levels { white: levels.white, wander: levels.wander, wrench: levels.wrench };
+        self.levels =
+            Levels { white: levels.white, wander: levels.wander, wrench: levels.wrench, lasting: levels.lasting };
         (self.free, self.prior) = (Vec::new(), Vec::new());
         self.take_shift();
         for _ in 0..HELD_SWEEPS {
@@ -540,7 +573,7 @@ impl<'a> Fit<'a> {
         }
         let wandering = self.wandering();
         if self.chain.segments() != self.segments || self.chain.shape.parameters != shape.parameters {
-            self.chain = Chain::new(self.segments, shape, wandering, first);
+            self.chain = Chain::new(self.segments, shape, &wandering, first);
         }
         self.chain.wandering = wandering;
         self.chain.errors.clone_from(&self.errors);
@@ -634,6 +667,9 @@ impl<'a> Fit<'a> {
         let (mut states, mut noises) = self.chain.forward(&first, step.as_slice());
         (self.information, self.gradient, self.form) = (information, gradient, form);
         self.left = self.residuals(&states, &noises, step.as_slice());
+        for (lasting, state) in self.lasting.iter_mut().zip(&states) {
+            lasting.copy_from_slice(&state[MOTION..ACTING]);
+        }
         if self.sweeps > FULL_STEPS {
             for (eta, before) in self.eta.iter_mut().zip(before) {
                 *eta = before + 0.5 * (*eta - before);
@@ -670,7 +706,7 @@ impl<'a> Fit<'a> {
             .map(|(j, (x, u))| {
                 core::array::from_fn(|i| {
                     let row = self.chain.row(j, i);
-                    dot(&row[..MOTION], &x[..MOTION])
+                    dot(&row[..ACTING], &x[..ACTING])
                         + dot(&row[STATES..STATES + WRENCH], &u[..WRENCH])
                         + dot(&row[STATES + NOISES..], step)
                         + row[row.len() - 1]

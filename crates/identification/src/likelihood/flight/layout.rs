@@ -1,12 +1,16 @@
 //! Where each unknown stands.
 
-/// Attitude, rate, centre of mass, its velocity, wander of position, attitude and velocity.
-pub(super) const STATES: usize = 21;
+/// Attitude, rate, centre of mass, its velocity; lasting errors of torque and force; wander of position, attitude and velocity.
+pub(super) const STATES: usize = ACTING + WANDERS;
 /// Of these the motion's.
 pub(super) const MOTION: usize = 12;
-/// Error of torque and force over a segment, drives of the nine wanders.
-pub(super) const NOISES: usize = 15;
-/// Of these the wrench's.
+/// The motion's and those that push it: lasting errors of the wrench, in units of one sigma, constant over a segment.
+pub(super) const ACTING: usize = MOTION + WRENCH;
+/// States that go by factors of their own: lasting errors and wander.
+pub(super) const SLOW: usize = WRENCH + WANDERS;
+/// Error of torque and force over a segment alone, drives of the slow states.
+pub(super) const NOISES: usize = WRENCH + SLOW;
+/// Axes of a wrench.
 pub(super) const WRENCH: usize = 6;
 /// Rows of a segment: position, attitude, velocity, rate, acceleration.
 pub(super) const ROWS: usize = 15;

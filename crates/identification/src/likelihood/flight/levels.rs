@@ -27,6 +27,8 @@ pub struct FoundLevels {
     pub wander: [(f64, f64); 3],
     /// White error of the logged wrench per sample, N m and N.
     pub wrench: [f64; 2],
+    /// Errors of the logged wrench that last for seconds, N m and N.
+    pub lasting: [f64; 2],
 }
 
 pub(super) fn median(values: &mut [f64]) -> Option<f64> {

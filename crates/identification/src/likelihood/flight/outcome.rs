@@ -131,6 +131,7 @@ impl FlightEstimate {
         }
         let (torque, force) = (units.force() * length, units.force());
         self.levels.wrench = [self.levels.wrench[0] * torque, self.levels.wrench[1] * force];
+        self.levels.lasting = [self.levels.lasting[0] * torque, self.levels.lasting[1] * force];
         self.rate_bias *= rate;
         self.acceleration_bias *= units.acceleration();
         for delay in self.delays.iter_mut().flatten() {
@@ -250,12 +251,17 @@ pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, I
     });
     let gain = |from: usize| Matrix3::from_row_slice(&fit.eta[from..from + 9]);
     let bias = |from: usize| Vector3::new(fit.eta[from], fit.eta[from + 1], fit.eta[from + 2]);
-    let mut levels = FoundLevels { white: fit.levels.white, wander: fit.levels.wander, wrench: fit.levels.wrench };
+    let mut levels = FoundLevels {
+        white: fit.levels.white,
+        wander: fit.levels.wander,
+        wrench: fit.levels.wrench,
+        lasting: fit.levels.lasting,
+    };
     for (white, has) in levels.white.iter_mut().zip(has) {
         *white = if has { *white } else { 0.0 };
     }
     let wrench_errors: Vec<(usize, Vector3<f64>, Vector3<f64>)> = fit
-        .wrench_errors()
+        .all_wrench_errors()
         .enumerate()
         .map(|(j, e)| {
             let sample = fit.grid.source[j * fit.samples];

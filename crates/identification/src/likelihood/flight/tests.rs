@@ -310,7 +310,10 @@ fn what_wheels_hold_turns_the_body_along() {
     assert!((0.6..1.4).contains(&nees) && covered > 0.88, "{nees} {covered}");
     // untold it says so by errors of the wrench that are as large as the torque of the wheels
     let untold: Vec<_> = world.log(1).iter().map(|row| MotionSample { stored_momentum_body: None, ..*row }).collect();
-    let [told, untold] = [&world.log(1), &untold].map(|log| world.told().estimate(log).unwrap().levels.wrench[0]);
+    let [told, untold] = [&world.log(1), &untold].map(|log| {
+        let levels = world.told().estimate(log).unwrap().levels;
+        levels.wrench[0].hypot(levels.lasting[0])
+    });
     println!("errors of the torque {told:.1e}, untold {untold:.1e} N m");
     assert!(untold > 30.0 * told, "{told} {untold}");
 }
@@ -322,6 +325,44 @@ fn what_is_stated_is_what_is_missed() {
     // Mean of 12 times 10 squares of normal numbers, and their share within 1.96: both at three sigmas of chance.
     println!("squared error {nees:.2}, covered {covered:.3}");
     assert!((0.6..1.4).contains(&nees) && covered > 0.88, "{nees} {covered}");
+}
+
+/// Errors of a told wrench that change within seconds, N m and N: their level is found, and what they hide of the body is stated.
+#[test]
+fn errors_of_the_wrench_that_last_are_found() {
+    const LASTING: [f64; 2] = [3e-4, 3e-3];
+    let world = World::usual();
+    let step_s = 0.016_f64;
+    let decay = (-step_s / 4.0).exp();
+    let (mut nees, mut free, mut covered) = (0.0, 0, 0);
+    for seed in 1..13 {
+        let mut dice = Gaussian::from_seed(900 + seed);
+        let mut draw = |sigma: f64| Vector3::from_fn(|_, _| sigma * dice.normal());
+        let mut errors = LASTING.map(&mut draw);
+        let log: Vec<_> = world
+            .log(seed)
+            .into_iter()
+            .map(|row| {
+                let told = row.wrench_body.map(|w| Wrench::new(w.torque + errors[0], w.force + errors[1]));
+                for (error, sigma) in errors.iter_mut().zip(LASTING) {
+                    *error = *error * decay + draw(sigma * (1.0 - decay * decay).sqrt());
+                }
+                MotionSample { wrench_body: told, ..row }
+            })
+            .collect();
+        let found = world.told().estimate(&log).unwrap();
+        for (found, is) in found.levels.lasting.into_iter().zip(LASTING) {
+            assert!((0.5..2.0).contains(&(found / is)), "{found:.1e} N m or N where it is {is:.1e}");
+        }
+        let (n, squared, inside) = judged(&found, &world.body());
+        (free, nees, covered) = (free + n, nees + squared, covered + inside);
+        // An exact wrench has none that would hide anything.
+        let exact = world.told().estimate(&world.log(seed)).unwrap().levels.lasting;
+        assert!(exact[0] < 0.01 * LASTING[0] && exact[1] < 0.01 * LASTING[1], "{exact:?}");
+    }
+    let (nees, covered) = (nees / free as f64, covered as f64 / free as f64);
+    println!("squared error {nees:.2}, covered {covered:.3}");
+    assert!((0.5..1.4).contains(&nees) && covered > 0.88, "{nees} {covered}");
 }
 
 #[test]

@@ -2,8 +2,8 @@
 
 /// Sides of a tile.
 pub(super) const TILE: usize = 4;
-/// Rows of a factor at most.
-pub(super) const DEPTH: usize = 16;
+/// Rows of a factor at most: more are not taken.
+pub(super) const DEPTH: usize = 24;
 
 /// So many entries, filled up to whole tiles.
 pub(super) const fn padded(entries: usize) -> usize {

@@ -572,7 +572,7 @@ impl Planar {
             information,
             determined,
             planar: true,
-            levels: FoundLevels { white: [0.0; 5], wander: [(0.0, 0.0); 3], wrench: [0.0; 2] },
+            levels: FoundLevels { white: [0.0; 5], wander: [(0.0, 0.0); 3], wrench: [0.0; 2], lasting: [0.0; 2] },
             rate_gain: Matrix3::zeros(),
             rate_bias: Vector3::zeros(),
             acceleration_gain: Matrix3::zeros(),

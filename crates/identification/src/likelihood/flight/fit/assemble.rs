@@ -2,7 +2,7 @@
 
 use super::super::super::flow::Body;
 use super::super::grid::{ACCELERATION, RATE};
-use super::super::layout::{BODY, DELAYS, MOTION, NOISES, ROWS, STATES, WANDERS, WRENCH};
+use super::super::layout::{ACTING, BODY, DELAYS, MOTION, NOISES, ROWS, STATES, WANDERS, WRENCH};
 use super::Fit;
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,6 +14,7 @@ impl Fit<'_> {
         let width = self.sweep.width;
         let root = (self.samples as f64).sqrt();
         let unit_noise: [f64; WRENCH] = core::array::from_fn(|i| self.levels.wrench[i / 3] / root);
+        let lasting: [f64; WRENCH] = core::array::from_fn(|i| self.levels.lasting[i / 3]);
         let at = |parameter: usize| free.iter().position(|c| *c == parameter).map(|i| STATES + NOISES + i);
         let gain_places: [[Option<usize>; 9]; 2] =
             [layout.rate_gain(), layout.acceleration_gain()].map(|from| core::array::from_fn(|i| at(from + i)));
@@ -68,11 +69,12 @@ impl Fit<'_> {
                 for (out, end) in out.iter_mut().zip(&ends[..MOTION]) {
                     *out = end[i];
                 }
-                for ((out, end), noise) in out[MOTION..].iter_mut().zip(&ends[MOTION..]).zip(unit_noise) {
-                    *out = end[i] * noise;
+                for (c, (lasting, noise)) in lasting.iter().zip(unit_noise).enumerate() {
+                    out[MOTION + c] = ends[MOTION + c][i] * lasting;
+                    out[ACTING + c] = ends[MOTION + c][i] * noise;
                 }
                 for (c, &column) in free.iter().take(nd).enumerate() {
-                    out[MOTION + WRENCH + c] = ends[MOTION + WRENCH + column][i];
+                    out[ACTING + WRENCH + c] = ends[MOTION + WRENCH + column][i];
                 }
                 out[nf - 1] = self.sweep.defects[j][i];
             }
@@ -80,6 +82,7 @@ impl Fit<'_> {
             let mut dense = vec![[0.0; MOTION]; last + 1];
             dense[..MOTION].copy_from_slice(&means[..MOTION]);
             for c in 0..WRENCH {
+                dense[MOTION + c] = means[MOTION + c].map(|x| x * lasting[c]);
                 dense[STATES + c] = means[MOTION + c].map(|x| x * unit_noise[c]);
             }
             for (c, &column) in free.iter().take(nd).enumerate() {
@@ -95,9 +98,9 @@ impl Fit<'_> {
                 dense[STATES + NOISES + c] = value;
             }
             dense[last] = *residual;
-            for i in 0..9 {
-                dense[MOTION + i][i] = 0.5 * (1.0 + wandering.decay[i]);
-                dense[STATES + WRENCH + i][i] = 0.5 * wandering.drive[i];
+            for i in 0..WANDERS {
+                dense[ACTING + i][i] = 0.5 * (1.0 + wandering.decay[WRENCH + i]);
+                dense[STATES + 2 * WRENCH + i][i] = 0.5 * wandering.drive[WRENCH + i];
                 let stream = usize::from(i >= 6);
                 if let Some(place) = delay_places[stream] {
                     dense[place][i] = late[i];
@@ -216,7 +219,7 @@ impl Fit<'_> {
                 let white = self.levels.white[stream];
                 for &axis in &self.axes[stream] {
                     let i = 3 * stream + axis;
-                    let drive = if i < WANDERS { wandering.drive[i] } else { 0.0 };
+                    let drive = if i < WANDERS { wandering.drive[WRENCH + i] } else { 0.0 };
                     weights[i] = 1.0 / (white * white / count + drive * drive / 12.0);
                 }
             }

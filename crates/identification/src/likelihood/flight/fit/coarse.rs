@@ -1,7 +1,7 @@
 //! A fit at levels that are as wide as what is sought, none of them searched for.
 
 use super::super::FlightLikelihood;
-use super::super::layout::{BODY, STATES};
+use super::super::layout::BODY;
 use super::{Fit, WRENCH_FLOOR, indefinite, solved};
 use crate::error::IdentificationError;
 use nalgebra::DMatrix;
@@ -30,20 +30,7 @@ impl Fit<'_> {
             }
         }
         self.linearise();
-        let form = self.chain.eliminate(0, self.segments, false);
-        let (ny, n) = (self.chain.shape.eliminated(), STATES + self.free.len());
-        let at = |i: usize, j: usize| form[i * ny + j];
-        let mut joint = DMatrix::from_fn(n, n, at);
-        let mut cross = DMatrix::from_fn(n, 1, |i, _| at(i, ny - 1));
-        let mut cost = at(ny - 1, ny - 1);
-        for (i, (column, prior)) in self.free.iter().zip(&self.prior).enumerate() {
-            let apart = self.eta[*column] - self.mean[*column];
-            joint[(STATES + i, STATES + i)] += prior;
-            cross[STATES + i] += prior * apart;
-            cost += prior * apart * apart;
-        }
-        let gone = solved(&joint, &cross).ok_or(indefinite(self.free.len()))?;
-        Ok(cost - cross.dot(&gone))
+        Ok(self.likelihood().ok_or(indefinite(self.free.len()))?.cost)
     }
 
     /// Which thrusters, taken for free (`false`) or stuck (`true`), would leave least here by a step that is linear, the best first; `stuck_cost` is

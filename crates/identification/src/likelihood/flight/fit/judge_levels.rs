@@ -1,21 +1,19 @@
 //! Levels and gates from what a step left.
 
-use super::super::grid::{ACCELERATION, RATE, VELOCITY, whole};
-use super::super::layout::{MOTION, NOISES, ROWS, STATES, WRENCH};
+use super::super::grid::{ACCELERATION, RATE, VELOCITY};
+use super::super::layout::{ACTING, NOISES, ROWS, STATES, WRENCH};
 use super::super::levels::{Series, median};
-use super::{
-    ALIKE_S, COLOURS, Fit, GATE, LARGEST_COLOUR, LARGEST_WRENCH_COLOUR, MEDIAN_CHI_SQUARE, SEEN, WANDER_GATE,
-    WRENCH_CHANGE,
-};
+use super::{COLOURS, Fit, GATE, LARGEST_COLOUR, MEDIAN_CHI_SQUARE, WANDER_GATE, WRENCH_CHANGE};
 use nalgebra::Vector3;
 
 impl Fit<'_> {
-    /// Levels, then gates where asked for, from what the last step left; the largest factor by which a level changed.
-    pub(super) fn take_levels(&mut self, states: &[[f64; STATES]], noises: &[[f64; NOISES]], gate: bool) -> f64 {
+    /// Levels, then gates where asked for, from what the last step left; the largest factors by which a level of the measurements changed, and by which
+    /// one of the wrench rose.
+    pub(super) fn take_levels(&mut self, states: &[[f64; STATES]], noises: &[[f64; NOISES]], gate: bool) -> [f64; 2] {
         let sensing = &self.of.sensing;
         let segment_s = self.samples as f64 * self.grid.step_s;
         let errors = [&sensing.position, &sensing.attitude, &sensing.velocity];
-        let mut change: f64 = 1.0;
+        let (mut change, mut risen) = (1.0_f64, 1.0_f64);
         for (stream, errors) in errors.into_iter().enumerate() {
             if self.counts.iter().all(|counts| counts[stream] == 0.0) {
                 continue;
@@ -46,7 +44,7 @@ impl Fit<'_> {
         let covariance = self.joint_covariance();
         let (taken, variances) = match &covariance {
             Some(covariance) => self.chain.shares(covariance),
-            None => (vec![[0.0; ROWS]; self.segments], vec![[0.0; WRENCH]; self.segments]),
+            None => (vec![[0.0; ROWS]; self.segments], vec![[0.0; 2 * WRENCH]; self.segments]),
         };
         for (i, known) in [(RATE, sensing.rate.white.is_known()), (ACCELERATION, sensing.acceleration.white.is_known())]
         {
@@ -98,27 +96,31 @@ impl Fit<'_> {
             }
         }
         if self.of.wrench_noise.is_none() {
+            let count = (3 * self.segments) as f64;
+            // Of errors, or of drives of them, by those that the record shows anything of: the fewer these are the slower that converges.
+            let factor = |squares: f64, places: core::ops::Range<usize>| {
+                let redundant = count - variances.iter().flat_map(|v| &v[places.clone()]).sum::<f64>();
+                let factor = (squares / redundant.max(1e-9)).clamp(WRENCH_CHANGE.0, WRENCH_CHANGE.1);
+                factor.powf(1.0 / (1.0 + (redundant / count).clamp(0.0, 1.0)))
+            };
             for part in 0..2 {
-                let range = 3 * part..3 * part + 3;
-                let redundant =
-                    (3 * self.segments) as f64 - variances.iter().flat_map(|v| &v[range.clone()]).sum::<f64>();
-                let squares: f64 = self.errors.iter().flat_map(|e| &e[range.clone()]).map(|e| e * e).sum();
-                // Errors that follow the wrench, as those of thrusts do, are alike for longer than a segment. Where the record shows little of
-                // them, what it shows of white ones is alike too, but its density at low frequency is then that of the level.
-                let colour = self.colour_of_errors(&range);
-                let is_seen = redundant > SEEN * (3 * self.segments) as f64;
-                let factor = if is_seen {
-                    colour * squares / redundant
-                } else {
-                    (squares / redundant.max(1e-9)).max(colour * squares / (3 * self.segments) as f64)
+                let (range, drives) = (3 * part..3 * part + 3, WRENCH + 3 * part..WRENCH + 3 * part + 3);
+                let squares = |of: &mut dyn Iterator<Item = &f64>| of.map(|e| e * e).sum::<f64>();
+                let of_segment =
+                    factor(squares(&mut self.errors.iter().flat_map(|e| &e[range.clone()])), range.clone());
+                let lasting = factor(squares(&mut noises.iter().flat_map(|u| &u[drives.clone()])), drives.clone());
+                let floor = self.floors[part];
+                let mut take = |level: &mut f64, factor: f64| {
+                    let before = *level;
+                    *level = (before * factor).max(floor);
+                    // Levels that fall to where they no longer weigh are not waited for.
+                    risen = risen.max(*level / before);
+                    *level / before
                 };
-                let factor = factor.clamp(WRENCH_CHANGE.0, WRENCH_CHANGE.1);
-                let level = (self.levels.wrench[part] * factor.sqrt()).max(self.floors[part]);
-                let by = level / self.levels.wrench[part];
-                if factor > 1.0 {
-                    change = change.max(by);
+                if self.levels.lasting[part] > 0.0 {
+                    take(&mut self.levels.lasting[part], lasting);
                 }
-                self.levels.wrench[part] = level;
+                let by = take(&mut self.levels.wrench[part], of_segment);
                 for error in &mut self.errors {
                     for e in &mut error[range.clone()] {
                         *e /= by;
@@ -127,7 +129,7 @@ impl Fit<'_> {
             }
         }
         for stream in 0..3 {
-            let channels: Vec<usize> = self.axes[stream].iter().map(|axis| WRENCH + 3 * stream + axis).collect();
+            let channels: Vec<usize> = self.axes[stream].iter().map(|axis| 2 * WRENCH + 3 * stream + axis).collect();
             let limit = WANDER_GATE * WANDER_GATE * channels.len() as f64 / 1.5;
             for (j, noises) in noises.iter().enumerate() {
                 let sum: f64 = channels.iter().map(|&c| noises[c] * noises[c]).sum();
@@ -140,21 +142,7 @@ impl Fit<'_> {
                 }
             }
         }
-        change
-    }
-
-    /// Density at low frequency of the errors of the wrench over that of a segment's.
-    fn colour_of_errors(&self, range: &core::ops::Range<usize>) -> f64 {
-        let segment_s = self.samples as f64 * self.grid.step_s;
-        let farthest = whole(ALIKE_S / segment_s).clamp(1, self.segments / 4);
-        let (mut alone, mut beside) = (0.0, 0.0);
-        for i in range.clone() {
-            for (j, error) in self.errors.iter().enumerate() {
-                alone += error[i] * error[i];
-                beside += self.errors[j + 1..].iter().take(farthest).map(|next| error[i] * next[i]).sum::<f64>();
-            }
-        }
-        if alone > 0.0 { (1.0 + 2.0 * beside / alone).clamp(1.0, LARGEST_WRENCH_COLOUR) } else { 1.0 }
+        [change, risen]
     }
 
     /// Density at low frequency over that of a segment's mean: of the filter, and where that is not all told by what is left of the rows.
@@ -192,8 +180,8 @@ impl Fit<'_> {
                 core::array::from_fn(|i| {
                     let row = self.chain.row(j, i);
                     left[i]
-                        + dot(&row[MOTION..STATES], &states[j][MOTION..])
-                        + dot(&row[STATES + WRENCH..STATES + NOISES], &noises[j][WRENCH..])
+                        + dot(&row[ACTING..STATES], &states[j][ACTING..])
+                        + dot(&row[STATES + 2 * WRENCH..STATES + NOISES], &noises[j][2 * WRENCH..])
                 })
             })
             .collect()

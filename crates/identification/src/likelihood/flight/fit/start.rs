@@ -5,8 +5,8 @@ use super::super::grid::{ACCELERATION, ATTITUDE, POSITION, RATE, Row, STREAMS, V
 use super::super::layout::{BODY, CENTER, LOG_MASS};
 use super::super::thrusters::Term;
 use super::{
-    Fit, GRAVITY_SIGMA, LARGEST_COLOUR, SLOPE_SIGMA, SMALLEST_WHITE, WANDER_START, WANDER_TIME_S, WIDE_START,
-    WRENCH_START, nearest,
+    Fit, GRAVITY_SIGMA, LARGEST_COLOUR, LASTING_START, SLOPE_SIGMA, SMALLEST_WHITE, WANDER_START, WANDER_TIME_S,
+    WIDE_START, WRENCH_START, nearest,
 };
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -67,6 +67,10 @@ impl Fit<'_> {
             self.levels.wander[i] = stated.or(WANDER_START[i], WANDER_TIME_S);
         }
         self.levels.wrench = self.of.wrench_noise.unwrap_or([drive[0] * WRENCH_START[0], drive[1] * WRENCH_START[1]]);
+        // Who says what the error of a sample is says that none lasts. What a table does beside thrusters that are told is of places rather than of
+        // times: windows tell it (`weak_form`).
+        let may_last = self.of.wrench_noise.is_none() && !(self.planar && self.of.thrusters.is_some());
+        self.levels.lasting = if may_last { drive.map(|of| LASTING_START * of) } else { [0.0; 2] };
     }
 
     pub(super) fn start_parameters(&mut self, has: [bool; STREAMS]) {
