@@ -43,7 +43,7 @@ const ROUNDS: (usize, usize) = (3, 16);
 const SETTLED: f64 = 1.1;
 /// Those of the wrench while the last change moved the parameters by more than this, in squared standard deviations: where the record shows little
 /// of it its level creeps on for long.
-const STILL: f64 = 1e-2;
+const STILL: f64 = 1e-3;
 /// Bounds of the change of the square of a level of the wrench in a round.
 const WRENCH_CHANGE: (f64, f64) = (0.1, 10.0);
 /// Start and floor of the error of the wrench, by its root mean square: torque, force.

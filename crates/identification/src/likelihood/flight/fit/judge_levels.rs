@@ -7,13 +7,13 @@ use super::{COLOURS, Fit, GATE, LARGEST_COLOUR, MEDIAN_CHI_SQUARE, WANDER_GATE, 
 use nalgebra::Vector3;
 
 impl Fit<'_> {
-    /// Levels, then gates where asked for, from what the last step left; the largest factors by which a level of the measurements changed, and by which
-    /// one of the wrench rose.
+    /// Levels, then gates where asked for, from what the last step left; the largest factors by which a level of the measurements changed, and
+    /// one of the wrench.
     pub(super) fn take_levels(&mut self, states: &[[f64; STATES]], noises: &[[f64; NOISES]], gate: bool) -> [f64; 2] {
         let sensing = &self.of.sensing;
         let segment_s = self.samples as f64 * self.grid.step_s;
         let errors = [&sensing.position, &sensing.attitude, &sensing.velocity];
-        let (mut change, mut risen) = (1.0_f64, 1.0_f64);
+        let (mut change, mut of_wrench) = (1.0_f64, 1.0_f64);
         for (stream, errors) in errors.into_iter().enumerate() {
             if self.counts.iter().all(|counts| counts[stream] == 0.0) {
                 continue;
@@ -97,11 +97,16 @@ impl Fit<'_> {
         }
         if self.of.wrench_noise.is_none() {
             let count = (3 * self.segments) as f64;
-            // Of errors, or of drives of them, by those that the record shows anything of: the fewer these are the slower that converges.
+            // Of errors, or of drives of them, by those that the record shows anything of: the fewer these are the slower that converges, which
+            // matters where levels have to fall.
             let factor = |squares: f64, places: core::ops::Range<usize>| {
                 let redundant = count - variances.iter().flat_map(|v| &v[places.clone()]).sum::<f64>();
                 let factor = (squares / redundant.max(1e-9)).clamp(WRENCH_CHANGE.0, WRENCH_CHANGE.1);
-                factor.powf(1.0 / (1.0 + (redundant / count).clamp(0.0, 1.0)))
+                if factor > 1.0 {
+                    factor.sqrt()
+                } else {
+                    factor.powf(1.0 / (1.0 + (redundant / count).clamp(0.0, 1.0)))
+                }
             };
             for part in 0..2 {
                 let (range, drives) = (3 * part..3 * part + 3, WRENCH + 3 * part..WRENCH + 3 * part + 3);
@@ -113,8 +118,7 @@ impl Fit<'_> {
                 let mut take = |level: &mut f64, factor: f64| {
                     let before = *level;
                     *level = (before * factor).max(floor);
-                    // Levels that fall to where they no longer weigh are not waited for.
-                    risen = risen.max(*level / before);
+                    of_wrench = of_wrench.max(*level / before).max(before / *level);
                     *level / before
                 };
                 if self.levels.lasting[part] > 0.0 {
@@ -142,7 +146,7 @@ impl Fit<'_> {
                 }
             }
         }
-        [change, risen]
+        [change, of_wrench]
     }
 
     /// Density at low frequency over that of a segment's mean: of the filter, and where that is not all told by what is left of the rows.
