@@ -330,7 +330,7 @@ fn what_is_stated_is_what_is_missed() {
 /// Errors of a told wrench that change within seconds, N m and N: their level is found, and what they hide of the body is stated.
 #[test]
 fn errors_of_the_wrench_that_last_are_found() {
-    const LASTING: [f64; 2] = [3e-4, 3e-3];
+    const LASTING: [f64; 2] = [3e-4, 1.5e-2];
     let world = World::usual();
     let step_s = 0.016_f64;
     let decay = (-step_s / 4.0).exp();
