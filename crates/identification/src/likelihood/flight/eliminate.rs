@@ -12,6 +12,9 @@
 use super::layout::{ACTING, MOTION, NOISES, ROWS, SLOW, STATES, WRENCH};
 use super::tiles::{DEPTH, Rows, TILE, add_product, padded};
 
+// A product takes no more rows than this.
+const _: () = assert!(NOISES <= DEPTH && ROWS <= DEPTH && MOTION <= DEPTH);
+
 /// Sizes of a chain.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {

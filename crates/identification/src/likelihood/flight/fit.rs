@@ -85,19 +85,6 @@ const GRAVITY_SIGMA: f64 = 10.0;
 /// Slope of a table: acceleration along it, m/s^2.
 const SLOPE_SIGMA: f64 = 0.02;
 
-/// Levels in use.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Levels {
-    /// White noise of one sample, stream by stream.
-    pub(super) white: [f64; STREAMS],
-    /// Wander of position, attitude, velocity: standard deviation, time in s.
-    pub(super) wander: [(f64, f64); 3],
-    /// Error of one sample of the wrench: torque, force.
-    pub(super) wrench: [f64; 2],
-    /// Errors of the wrench that last for [`LASTING_S`]: torque, force.
-    pub(super) lasting: [f64; 2],
-}
-
 /// A record in work.
 pub(super) struct Fit<'a> {
     pub(super) of: &'a FlightLikelihood,
@@ -111,7 +98,7 @@ pub(super) struct Fit<'a> {
     pub(super) free: Vec<usize>,
     pub(super) prior: Vec<f64>,
     pub(super) mean: Vec<f64>,
-    pub(super) levels: Levels,
+    pub(super) levels: FoundLevels,
     raw: [Option<f64>; STREAMS],
     /// What white noise is never below.
     smallest: [f64; STREAMS],
@@ -259,7 +246,7 @@ impl<'a> Fit<'a> {
             free: Vec::new(),
             prior: Vec::new(),
             mean: vec![0.0; count],
-            levels: Levels {
+            levels: FoundLevels {
                 white: [0.0; STREAMS],
                 wander: [(0.0, WANDER_TIME_S); 3],
                 wrench: [0.0; 2],
@@ -456,8 +443,7 @@ impl<'a> Fit<'a> {
         self.eta[LOG_MASS] = body.log_mass;
         self.eta[CENTER..INERTIA].copy_from_slice(body.center.as_slice());
         self.set_inertia(&body.inertia);
-        self.levels =
-            Levels { white: levels.white, wander: levels.wander, wrench: levels.wrench, lasting: levels.lasting };
+        self.levels = *levels;
         (self.free, self.prior) = (Vec::new(), Vec::new());
         self.take_shift();
         for _ in 0..HELD_SWEEPS {

@@ -27,7 +27,8 @@ pub struct FoundLevels {
     pub wander: [(f64, f64); 3],
     /// White error of the logged wrench per sample, N m and N.
     pub wrench: [f64; 2],
-    /// Errors of the logged wrench that last for seconds, N m and N.
+    /// Errors of the logged wrench that last, torque and force about the body's axes: the standard deviation of what changes within four seconds,
+    /// N m and N; zero where the record is as likely without them.
     pub lasting: [f64; 2],
 }
 

@@ -251,12 +251,7 @@ pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, I
     });
     let gain = |from: usize| Matrix3::from_row_slice(&fit.eta[from..from + 9]);
     let bias = |from: usize| Vector3::new(fit.eta[from], fit.eta[from + 1], fit.eta[from + 2]);
-    let mut levels = FoundLevels {
-        white: fit.levels.white,
-        wander: fit.levels.wander,
-        wrench: fit.levels.wrench,
-        lasting: fit.levels.lasting,
-    };
+    let mut levels = fit.levels;
     for (white, has) in levels.white.iter_mut().zip(has) {
         *white = if has { *white } else { 0.0 };
     }

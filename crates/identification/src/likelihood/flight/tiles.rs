@@ -2,7 +2,7 @@
 
 /// Sides of a tile.
 pub(super) const TILE: usize = 4;
-/// Rows of a factor at most: more are not taken.
+/// Rows of a factor at most.
 pub(super) const DEPTH: usize = 24;
 
 /// So many entries, filled up to whole tiles.
