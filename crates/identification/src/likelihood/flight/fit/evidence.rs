@@ -37,24 +37,34 @@ impl Fit<'_> {
     }
 
     /// Does without lasting errors of torque or force where the record is as likely without them; whether that left any out.
+    ///
+    /// The level of the white errors stays, or stands for both: levels that still move when this is asked are otherwise not compared fairly.
     pub(super) fn forget_lasting(&mut self) -> bool {
-        let found = self.levels.lasting;
-        let total = |this: &mut Self, levels: [f64; 2]| {
-            this.levels.lasting = levels;
+        let total = |this: &mut Self, lasting: [f64; 2], white: [f64; 2]| {
+            this.levels.lasting = lasting;
+            this.take_white_wrench(white);
             this.linearise();
             this.likelihood().map_or(f64::INFINITY, |of| of.cost + of.log_determinant)
         };
-        let (mut levels, mut forgot) = (found, false);
-        let mut with = total(self, levels);
+        let (mut lasting, mut white, mut forgot) = (self.levels.lasting, self.levels.wrench, false);
+        let mut with = total(self, lasting, white);
         for part in 0..2 {
-            let mut fewer = levels;
+            if lasting[part] == 0.0 {
+                continue;
+            }
+            let (mut fewer, mut wider) = (lasting, white);
             fewer[part] = 0.0;
-            let without = total(self, fewer);
-            if levels[part] > 0.0 && without < with + LASTING_SHOWN {
-                (levels, with, forgot) = (fewer, without, true);
+            wider[part] = white[part].hypot(lasting[part] * (self.samples as f64).sqrt());
+            for white_alone in [white, wider] {
+                let without = total(self, fewer, white_alone);
+                if without < with + LASTING_SHOWN {
+                    (lasting, white, with, forgot) = (fewer, white_alone, without, true);
+                    break;
+                }
             }
         }
-        self.levels.lasting = levels;
+        self.levels.lasting = lasting;
+        self.take_white_wrench(white);
         forgot
     }
 }

@@ -3,7 +3,7 @@
 use super::super::grid::{ACCELERATION, RATE, VELOCITY};
 use super::super::layout::{ACTING, NOISES, ROWS, STATES, WRENCH};
 use super::super::levels::{Series, median};
-use super::{COLOURS, Fit, GATE, LARGEST_COLOUR, MEDIAN_CHI_SQUARE, WANDER_GATE, WRENCH_CHANGE};
+use super::{COLOURS, DRIFT, Fit, GATE, LARGEST_COLOUR, MEDIAN_CHI_SQUARE, WANDER_GATE, WRENCH_CHANGE};
 use nalgebra::Vector3;
 
 impl Fit<'_> {
@@ -97,17 +97,16 @@ impl Fit<'_> {
         }
         if self.of.wrench_noise.is_none() {
             let count = (3 * self.segments) as f64;
+            let is_near = self.decrement < DRIFT;
             // Of errors, or of drives of them, by those that the record shows anything of: the fewer these are the slower that converges, which
             // matters where levels have to fall.
             let factor = |squares: f64, places: core::ops::Range<usize>| {
                 let redundant = count - variances.iter().flat_map(|v| &v[places.clone()]).sum::<f64>();
                 let factor = (squares / redundant.max(1e-9)).clamp(WRENCH_CHANGE.0, WRENCH_CHANGE.1);
-                if factor > 1.0 {
-                    factor.sqrt()
-                } else {
-                    factor.powf(1.0 / (1.0 + (redundant / count).clamp(0.0, 1.0)))
-                }
+                let shown = if is_near { (redundant / count).clamp(0.0, 1.0) } else { 1.0 };
+                factor.powf(1.0 / (1.0 + shown))
             };
+            let mut white = self.levels.wrench;
             for part in 0..2 {
                 let (range, drives) = (3 * part..3 * part + 3, WRENCH + 3 * part..WRENCH + 3 * part + 3);
                 let squares = |of: &mut dyn Iterator<Item = &f64>| of.map(|e| e * e).sum::<f64>();
@@ -119,18 +118,13 @@ impl Fit<'_> {
                     let before = *level;
                     *level = (before * factor).max(floor);
                     of_wrench = of_wrench.max(*level / before).max(before / *level);
-                    *level / before
                 };
                 if self.levels.lasting[part] > 0.0 {
                     take(&mut self.levels.lasting[part], lasting);
                 }
-                let by = take(&mut self.levels.wrench[part], of_segment);
-                for error in &mut self.errors {
-                    for e in &mut error[range.clone()] {
-                        *e /= by;
-                    }
-                }
+                take(&mut white[part], of_segment);
             }
+            self.take_white_wrench(white);
         }
         for stream in 0..3 {
             let channels: Vec<usize> = self.axes[stream].iter().map(|axis| 2 * WRENCH + 3 * stream + axis).collect();
@@ -147,6 +141,17 @@ impl Fit<'_> {
             }
         }
         [change, of_wrench]
+    }
+
+    /// Levels of white errors of the wrench; the errors, which are in their units, stay what they are.
+    pub(super) fn take_white_wrench(&mut self, levels: [f64; 2]) {
+        let by = [levels[0] / self.levels.wrench[0], levels[1] / self.levels.wrench[1]];
+        for error in &mut self.errors {
+            for (i, error) in error.iter_mut().enumerate() {
+                *error /= by[i / 3];
+            }
+        }
+        self.levels.wrench = levels;
     }
 
     /// Density at low frequency over that of a segment's mean: of the filter, and where that is not all told by what is left of the rows.
