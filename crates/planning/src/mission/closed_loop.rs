@@ -36,6 +36,9 @@ const HEAVIEST_SIGMAS: f64 = 3.0;
 /// Share of its deceleration that a stop is planned with at least, however much else acts.
 const LEAST_LEFT: f64 = 0.1;
 
+/// Another way is worth asking for once the controller promises to follow so many times as much as when the last one was.
+const FASTER: f64 = 1.1;
+
 /// Looks on; every method does nothing unless written.
 ///
 /// # Example
@@ -134,6 +137,13 @@ impl ReferenceMotion for Flown {
     }
 }
 
+/// A way, by its request, and what the controller promised to follow when it was asked for.
+struct KnownWay {
+    request: u64,
+    way: Arc<ArcPath>,
+    followed_m_s2: [f64; 3],
+}
+
 /// Makes a controller for a belief.
 type NewController<C> = Box<dyn FnMut(&ModelBelief) -> Result<C, PlanningError> + Send>;
 
@@ -170,8 +180,10 @@ where
     /// Requests up to this one were made before the computer was off.
     forgotten: u64,
     newest_request: u64,
-    ways: VecDeque<(u64, Arc<ArcPath>)>,
+    ways: VecDeque<KnownWay>,
+    /// Of the way that was asked for last: the mass that was believed, and what the controller promised to follow.
     way_mass_kg: f64,
+    way_followed_m_s2: [f64; 3],
     found: Option<(u64, FoundStretch, StretchAnswer)>,
     no_way: Option<(u64, Obstruction)>,
     events: VecDeque<Event>,
@@ -210,15 +222,17 @@ where
     ) -> Result<Self, PlanningError> {
         let (finding, estimate) = body_of(&estimator)?;
         let prior = ModelBelief { revision: 0, estimate };
+        let controller = new_controller(&prior)?;
         let start = motion_of(&estimator, start_ns)?;
         let pose = start.world_from_body;
         Ok(Self {
             coordinator: Coordinator::new(settings.schedule),
             scene: Arc::new(scene),
             world_revision: 0,
-            controller: new_controller(&prior)?,
-            new_controller: Box::new(new_controller),
             way_mass_kg: prior.parameters().mass,
+            way_followed_m_s2: controller.acceleration_m_s2(),
+            controller,
+            new_controller: Box::new(new_controller),
             belief: Arc::new(prior.clone()),
             prior: (finding, prior),
             next_belief_ns: start_ns + settings.belief_period_ns,
@@ -486,7 +500,7 @@ where
         if self.ways.len() == WAYS {
             self.ways.pop_front();
         }
-        self.ways.push_back((request, Arc::new(way)));
+        self.ways.push_back(KnownWay { request, way: Arc::new(way), followed_m_s2: self.way_followed_m_s2 });
         Event::WayFound { request, model_revision, world_revision }
     }
 
@@ -511,10 +525,12 @@ where
             return;
         }
         let mass_kg = estimate.parameters.mass;
-        let is_material = (mass_kg - self.way_mass_kg).abs() > self.settings.material_change * self.way_mass_kg;
+        let promised = self.controller.acceleration_m_s2();
+        let is_faster = promised.iter().zip(self.way_followed_m_s2).all(|(now, then)| *now > FASTER * then);
+        let is_other = (mass_kg - self.way_mass_kg).abs() > self.settings.material_change * self.way_mass_kg;
         let revision = self.belief.revision + 1;
         self.belief = Arc::new(ModelBelief { revision, estimate });
-        self.events.push_back(Event::Belief { revision, is_material });
+        self.events.push_back(Event::Belief { revision, is_material: is_other || is_faster });
     }
 
     /// How the robot moves by what the estimator says; where that is no motion, as the last one goes on under what acted.
@@ -573,8 +589,8 @@ where
             Action::PlanWay { request, start_ns, from } => self.ask_for_way(request, start_ns, from)?,
             Action::PlanStretch { request, start_ns, way, way_start_ns, ambition } => {
                 let way_start_s = seconds(way_start_ns);
-                match self.ways.iter().find(|(of, ..)| *of == way) {
-                    Some((_, way)) => {
+                match self.ways.iter().find(|known| known.request == way) {
+                    Some(KnownWay { way, .. }) => {
                         let first_way_s = *self.first_way_s.get_or_insert(way_start_s);
                         let elapsed_s = (seconds(start_ns) - first_way_s).max(0.0);
                         let way = Arc::clone(way);
@@ -710,12 +726,18 @@ where
         if from == StartFrom::Estimate {
             self.hold_here()?;
         }
-        self.way_mass_kg = self.belief.parameters().mass;
+        (self.way_mass_kg, self.way_followed_m_s2) =
+            (self.belief.parameters().mass, self.controller.acceleration_m_s2());
         let LoopSettings { schedule, margin_m, check_margin_m, .. } = &*self.settings;
         let asked = if schedule.stretches.is_some() {
             Asked::Stay
         } else if self.ways_refused == 0 {
-            Asked::Way { known: self.ways.back().map(|(_, way)| Arc::clone(way)), margin_m: *margin_m }
+            // one that asked for more than is promised now does not do any more
+            let promised = self.way_followed_m_s2;
+            let is_followed =
+                |known: &&KnownWay| known.followed_m_s2.iter().zip(promised).all(|(asked, now)| *asked <= now);
+            let known = self.ways.back().filter(is_followed).map(|known| Arc::clone(&known.way));
+            Asked::Way { known, margin_m: *margin_m }
         } else {
             // a way as near as may be flown is better than none
             Asked::Way { known: None, margin_m: *check_margin_m }
@@ -737,14 +759,9 @@ where
             belief: Arc::clone(&self.belief),
             environment: self.environment(),
             stop: self.stop_limits(),
-            followed_m_s2: self.followed_m_s2(),
+            followed_m_s2: self.controller.acceleration_m_s2(),
             settings: Arc::clone(&self.settings),
         });
-    }
-
-    /// What the controller promises to follow, m/s^2, where it will not be told more of the body than it knows.
-    fn followed_m_s2(&self) -> [f64; 3] {
-        if self.settings.feedback { [f64::INFINITY; 3] } else { self.controller.acceleration_m_s2() }
     }
 
     /// What to ask of doubted actuators for a wrench, within their limits; `None` where they are not in doubt.

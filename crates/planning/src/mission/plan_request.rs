@@ -58,8 +58,7 @@ where
     pub environment: Environment,
     /// How the stop after a stretch brakes.
     pub stop: StopLimits,
-    /// Largest acceleration along each world axis that the controller promises to follow, m/s^2; infinite where it is told what is learned, and
-    /// follows more by the time a way is flown.
+    /// Largest acceleration along each world axis that the controller promises to follow when this is asked, m/s^2.
     pub followed_m_s2: [f64; 3],
     /// Goal, limits, margins, budgets.
     pub settings: Arc<LoopSettings<W::Body>>,

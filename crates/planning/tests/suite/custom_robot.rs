@@ -216,6 +216,8 @@ mod among;
 mod new_ways;
 #[path = "custom_robot/own_layers.rs"]
 mod own_layers;
+#[path = "custom_robot/promised.rs"]
+mod promised;
 #[path = "custom_robot/retreats.rs"]
 mod retreats;
 #[path = "custom_robot/same_again.rs"]

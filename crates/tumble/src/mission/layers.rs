@@ -26,15 +26,15 @@ use tumble_planning::mission::{
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
-/// Deviations of an estimate's corrections, and of its errors, that the tube of a robot is built for that does not learn: of a mission of four hundred
-/// decisions along three axes one in five hundred sees more.
+/// Deviations of an estimate's corrections, and of its errors, that a tube is built for: of a mission of four hundred decisions along three axes one in
+/// five hundred sees more.
 const NOISE_SIGMAS: f64 = 4.8;
+/// Standard deviations of `1 / m` that are certain: a few dozen beliefs are nested in a mission, and all are to hold.
+const MASS_SIGMAS: f64 = 4.5;
 /// Shares of what the feedback may ask for against these, and forces from outside, that plans leave it, the first that leaves enough of the force to them,
 /// and what is enough.
 const RESERVED: [f64; 4] = [0.5, 0.3, 0.15, 0.05];
 const LEAST_SHARE: f64 = 0.2;
-/// Largest error of the estimator's position and velocity along an axis, standard deviations of what it claims.
-const ERRORS: [f64; 2] = [3e-4, 1.5e-4];
 /// Slow errors of the believed wrench beside those of its nozzles, N m and N: drag, and what of servos and impellers is not in the thrust that is
 /// believed.
 const DRIFT: [f64; 2] = [1.5e-5, 2e-4];
@@ -42,8 +42,6 @@ const DRIFT: [f64; 2] = [1.5e-5, 2e-4];
 const DOUBTED: f64 = 350.0;
 /// Largest force from outside along an axis, N: drag, and nozzles that are not as on paper.
 const FORCE_FROM_OUTSIDE_N: f64 = 0.004;
-/// Shares of these errors that a tube is built for, the first that leaves some force to plans.
-const HELD: [f64; 4] = [1.0, 0.6, 0.3, 0.1];
 /// Farthest that a stretch's attitude leaves those between start and goal, rad.
 const WANDERS_RAD: f64 = 0.35;
 /// Relative change of the mass that asks for another way.
@@ -264,8 +262,7 @@ pub fn tube_controllers(
     };
     let left = |span: &AttitudeSpan| span.inner_box(&limits.force_n).min();
     let attitudes = if left(&near) > left(&AttitudeSpan::Any) { near } else { AttitudeSpan::Any };
-    let [position_m, velocity_m_s] = ERRORS;
-    let (learns, told) = (problem.feedback, estimator_settings(problem));
+    let told = estimator_settings(problem);
     let speed_m_s = problem.planning.limits.speed_m_s.max();
     move |belief: &ModelBelief| {
         let body = belief.parameters();
@@ -276,50 +273,31 @@ pub fn tube_controllers(
             torque_limit_n_m: limits.torque_n_m,
         };
         let mass = control_presets::mass_interval(body.mass, share)?;
-        let of = |held: f64| {
+        let tube = TubeSettings { sigmas: MASS_SIGMAS, ..control_presets::tube_settings(mass, &limits, attitudes) };
+        let noise = axis_sensing(&told, mass.least_kg()).filtered(tube.gain.step_s)?;
+        let [position_m, velocity_m_s] = [noise.error.m11, noise.error.m22].map(|of| NOISE_SIGMAS * f64::sqrt(of));
+        let of = |reserved: f64| {
             let settings = TubeSettings {
-                speed_m_s: 2.0 * speed_m_s,
+                // what the estimate moves by of itself is no speed of the robot
+                speed_m_s: 2.0 * (speed_m_s + velocity_m_s),
+                corrections: Some(Corrections { covariance: noise.corrections, sigmas: NOISE_SIGMAS, reserved }),
                 disturbance: TubeDisturbance {
-                    position_m: held * position_m,
-                    velocity_m_s: held * velocity_m_s,
-                    force_n: held * FORCE_FROM_OUTSIDE_N,
+                    position_m,
+                    velocity_m_s,
+                    force_n: FORCE_FROM_OUTSIDE_N,
                     acceleration_m_s2: 0.0,
                 },
                 point: TrackedPoint::BelievedCenterOfMass,
-                ..control_presets::tube_settings(mass, &limits, attitudes)
+                ..tube
             };
             TubeController::try_new(settings, None, attitude, body)
         };
-        if !learns {
-            // the interval of the mass stays as wide as it is: plans get what the sensors leave of the rest
-            let tube = control_presets::tube_settings(mass, &limits, attitudes);
-            let noise = axis_sensing(&told, mass.least_kg()).filtered(tube.gain.step_s)?;
-            let [position_m, velocity_m_s] = [noise.error.m11, noise.error.m22].map(|of| NOISE_SIGMAS * f64::sqrt(of));
-            let of = |reserved: f64| {
-                let settings = TubeSettings {
-                    // what the estimate moves by of itself is no speed of the robot
-                    speed_m_s: 2.0 * (speed_m_s + velocity_m_s),
-                    corrections: Some(Corrections { covariance: noise.corrections, sigmas: NOISE_SIGMAS, reserved }),
-                    disturbance: TubeDisturbance {
-                        position_m,
-                        velocity_m_s,
-                        force_n: FORCE_FROM_OUTSIDE_N,
-                        acceleration_m_s2: 0.0,
-                    },
-                    point: TrackedPoint::BelievedCenterOfMass,
-                    ..tube
-                };
-                TubeController::try_new(settings, None, attitude, body)
-            };
-            let leaves_enough = |tube: &Result<TubeController, PlanningError>| {
-                let problem = tube.as_ref().ok().map(|controller| controller.tube().problem(0));
-                problem.is_some_and(|axis| axis.acceleration_m_s2 >= LEAST_SHARE * axis.force_n / axis.center_kg)
-            };
-            // where they would take next to all the force the feedback gets less than it asks for more often
-            return RESERVED.into_iter().map(of).find(leaves_enough).unwrap_or_else(|| of(0.0));
-        }
-        // a body so heavy that errors alone would take all the force has a tube for smaller ones: more often outside of it
-        HELD.into_iter().map(of).find(Result::is_ok).unwrap_or_else(|| of(0.0))
+        let leaves_enough = |tube: &Result<TubeController, PlanningError>| {
+            let problem = tube.as_ref().ok().map(|controller| controller.tube().problem(0));
+            problem.is_some_and(|axis| axis.acceleration_m_s2 >= LEAST_SHARE * axis.force_n / axis.center_kg)
+        };
+        // where they would take next to all the force the feedback gets less than it asks for more often
+        RESERVED.into_iter().map(of).find(leaves_enough).unwrap_or_else(|| of(0.0))
     }
 }
 

@@ -53,7 +53,6 @@ impl ScenarioSource {
             speed_limit_m_s: numbers.speed_limit_m_s,
             rate_limit_rad_s: numbers.rate_limit_rad_s,
             mass_interval_share: numbers.mass_interval_share,
-            feedback: options.feedback,
             unknowns: numbers.unknowns,
             stretch_s: numbers.stretch_steps as f64 * numbers.step_s,
             step_s: numbers.step_s,

@@ -46,8 +46,6 @@ pub struct MissionProblem {
     pub rate_limit_rad_s: f64,
     /// Shares of the believed mass between which the true one is taken to be.
     pub mass_interval_share: [f64; 2],
-    /// Whether beliefs reach planners and controller.
-    pub feedback: bool,
     /// What is not known of the body.
     pub unknowns: UnknownsName,
     /// What information is worth.

@@ -89,7 +89,7 @@ fn an_obstacle_that_shows_up_late_stops_the_robot() {
 /// obstacle.
 #[test]
 fn a_robot_that_stopped_too_near_goes_where_room_is_left_and_arrives() {
-    for seed in [5, 6] {
+    for seed in [5, 17] {
         let record = flown_with("iss-cargo", "nominal", "late-obstacle:2", seed);
         assert!(record.summary.arrived && says(&record, "to where more room is left"), "{seed}");
         assert!(record.summary.min_clearance_m.is_some_and(|clearance_m| clearance_m > 0.0), "{seed}");

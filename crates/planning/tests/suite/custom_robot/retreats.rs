@@ -116,8 +116,8 @@ fn who_has_room_or_moves_is_told_that_there_is_no_way() {
 /// The same request, however fast the controller promises to follow: a way asks for no more than that.
 #[test]
 fn a_way_keeps_within_what_the_controller_promises_to_follow() {
-    // who learns follows more by the time the way is flown
-    assert!(asked(0.4).followed_m_s2.iter().all(|followed| followed.is_infinite()));
+    let promised = asked(0.4).followed_m_s2;
+    assert!(promised.iter().all(|along| *along > 0.0 && along.is_finite()), "{promised:?}");
     let mut durations_s = Vec::new();
     for followed_m_s2 in [0.002, 0.005, f64::INFINITY] {
         let request = PlanRequest { followed_m_s2: [followed_m_s2; 3], ..asked(0.4) };

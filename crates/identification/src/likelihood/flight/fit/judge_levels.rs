@@ -107,7 +107,7 @@ impl Fit<'_> {
                 factor.powf(1.0 / (1.0 + shown))
             };
             let mut white = self.levels.wrench;
-            for part in 0..2 {
+            for (part, of_part) in white.iter_mut().enumerate() {
                 let (range, drives) = (3 * part..3 * part + 3, WRENCH + 3 * part..WRENCH + 3 * part + 3);
                 let squares = |of: &mut dyn Iterator<Item = &f64>| of.map(|e| e * e).sum::<f64>();
                 let of_segment =
@@ -122,7 +122,7 @@ impl Fit<'_> {
                 if self.levels.lasting[part] > 0.0 {
                     take(&mut self.levels.lasting[part], lasting);
                 }
-                take(&mut white[part], of_segment);
+                take(of_part, of_segment);
             }
             self.take_white_wrench(white);
         }
