@@ -8,6 +8,9 @@ use tumble_planning::mission::{Action, Event};
 /// A doubt is lifted when nothing has given cause for it for so long, s: as long as an estimator takes to get acquainted with a body that was
 /// just made uncertain. What comes again before is the same doubt.
 const LIFTED_AFTER_S: f64 = 8.0;
+/// A body at the start of a flight, or one that was just doubted, is not known well enough for so long to compare beliefs of it, s: ways are gentle until
+/// the mass is known, moments of inertia show later, and what was learned about a body far off errs until it is learned again.
+const ACQUAINTED_AFTER_S: f64 = 12.0;
 /// So often a belief is compared with all before, s.
 const COMPARED_EVERY_S: f64 = 1.0;
 /// A rigid body stays what it is: a belief so many standard deviations of both from an earlier one contradicts it.
@@ -95,7 +98,7 @@ impl DoubtWatch {
             moves: 0,
             actuators_since_s: None,
             suspect: None,
-            acquainted_s: start_s + LIFTED_AFTER_S,
+            acquainted_s: start_s + ACQUAINTED_AFTER_S,
             compared_s: f64::NEG_INFINITY,
             beliefs: Vec::new(),
             counted: VecDeque::new(),
@@ -125,7 +128,7 @@ impl DoubtWatch {
             _ => return,
         }
         cause(&mut self.body, time_s);
-        self.acquainted_s = time_s + LIFTED_AFTER_S;
+        self.acquainted_s = time_s + ACQUAINTED_AFTER_S;
         self.counted.clear();
     }
 

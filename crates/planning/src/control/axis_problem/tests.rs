@@ -29,6 +29,28 @@ fn random(seed: u64, count: usize) -> Vec<f64> {
     (0..count).map(|_| 2.0 * crate::unit_interval(&mut random) - 1.0).collect()
 }
 
+/// What errors of measurement make the feedback ask for at most is what plans leave it in full, and else the share that is reserved.
+#[test]
+fn plans_leave_the_feedback_what_is_reserved() {
+    let left = |reserved: f64| {
+        let template = AxisTemplate { reserved, ..template() };
+        AxisProblem::try_new(&request(&template, 0.5)).unwrap().acceleration_m_s2
+    };
+    let template = template();
+    let most = (0..10_000).map(|i| {
+        let (sine, cosine) = f64::sin_cos(f64::from(i) * 1e-4 * core::f64::consts::TAU);
+        let towards = Vector2::new(cosine, sine);
+        let faces = template.normals.iter().zip(template.unmatched);
+        let length = faces.map(|(normal, bound)| bound / normal.dot(&towards).abs()).fold(f64::INFINITY, f64::min);
+        GAIN.feedback().dot(&(towards * length))
+    });
+    let most = most.fold(0.0, f64::max);
+    for reserved in [0.05, 0.5, 1.0] {
+        let taken = left(0.0) - left(reserved);
+        assert!((taken / (reserved * most) - 1.0).abs() < 1e-3, "{taken} of {most}");
+    }
+}
+
 /// Nominal states, step by step.
 fn simulated(problem: &AxisProblem, x: &[f64]) -> Vec<Vector2<f64>> {
     let h = problem.step_s;
