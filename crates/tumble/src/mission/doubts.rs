@@ -8,9 +8,8 @@ use tumble_planning::mission::{Action, Event};
 /// A doubt is lifted when nothing has given cause for it for so long, s: as long as an estimator takes to get acquainted with a body that was
 /// just made uncertain. What comes again before is the same doubt.
 const LIFTED_AFTER_S: f64 = 8.0;
-/// A body at the start of a flight, or one that was just doubted, is not known well enough for so long to compare beliefs of it, s: ways are gentle until
-/// the mass is known, moments of inertia show later, and what was learned about a body far off errs until it is learned again.
-const ACQUAINTED_AFTER_S: f64 = 12.0;
+/// Moments of inertia are held to so much later than the mass, s: ways are gentle until the mass is known, and moments show later than it.
+const MOMENTS_LATER_S: f64 = 4.0;
 /// So often a belief is compared with all before, s.
 const COMPARED_EVERY_S: f64 = 1.0;
 /// A rigid body stays what it is: a belief so many standard deviations of both from an earlier one contradicts it.
@@ -98,7 +97,7 @@ impl DoubtWatch {
             moves: 0,
             actuators_since_s: None,
             suspect: None,
-            acquainted_s: start_s + ACQUAINTED_AFTER_S,
+            acquainted_s: start_s + LIFTED_AFTER_S,
             compared_s: f64::NEG_INFINITY,
             beliefs: Vec::new(),
             counted: VecDeque::new(),
@@ -128,7 +127,7 @@ impl DoubtWatch {
             _ => return,
         }
         cause(&mut self.body, time_s);
-        self.acquainted_s = time_s + ACQUAINTED_AFTER_S;
+        self.acquainted_s = time_s + LIFTED_AFTER_S;
         self.counted.clear();
     }
 
@@ -151,11 +150,13 @@ impl DoubtWatch {
             self.count(time_s, counts);
             // What is just being learned again is no belief to be held to.
             if time_s >= self.acquainted_s && !health.relearning {
-                self.compare(&Believed {
-                    t_s: time_s,
-                    value: COMPARED.map(|index| value.get(index).copied().unwrap_or(0.0)),
-                    sigma: COMPARED.map(|index| sigma.get(index).copied().unwrap_or(0.0)),
-                });
+                let mut sigma = COMPARED.map(|index| sigma.get(index).copied().unwrap_or(0.0));
+                if time_s < self.acquainted_s + MOMENTS_LATER_S {
+                    let [_, moments @ ..] = &mut sigma;
+                    moments.fill(f64::INFINITY);
+                }
+                let value = COMPARED.map(|index| value.get(index).copied().unwrap_or(0.0));
+                self.compare(&Believed { t_s: time_s, value, sigma });
             }
         }
         self.lift(time_s);

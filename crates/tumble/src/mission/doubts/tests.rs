@@ -27,10 +27,10 @@ fn a_body_that_is_being_learned_again_contradicts_nothing() {
     let flown_at_first = |relearning: bool| {
         let mut watch = DoubtWatch::new(0.0, GATE);
         let health = FlightHealth { relearning, ..FlightHealth::default() };
-        for second in 0..16 {
+        for second in 0..12 {
             watch.see(f64::from(second), &health, &ReceptionCounts::default(), &(body(12.0 + off_kg), SIGMA));
         }
-        flown(&mut watch, 16, 60, 12.0, 0.0);
+        flown(&mut watch, 12, 60, 12.0, 0.0);
         spells(watch)
     };
     assert_eq!(flown_at_first(true), []);
@@ -59,12 +59,27 @@ fn beliefs_that_cannot_both_be_right_are_a_doubt_until_they_agree_again() {
     flown(&mut watch, 30, 40, 12.0 + off_kg, 0.0);
     let rows = watch.clone().finish();
     assert_eq!((rows.len(), rows[0].what, rows[0].until_s), (1, DoubtOf::Body, None));
-    assert!(rows[0].text.starts_with("mass was 12.0000 ± 0.1000 at 12 s"), "{}", rows[0].text);
+    assert!(rows[0].text.starts_with("mass was 12.0000 ± 0.1000 at 8 s"), "{}", rows[0].text);
     // neither does the first few seconds' body count
     let mut late = DoubtWatch::new(0.0, GATE);
-    flown(&mut late, 0, 11, 12.0 + off_kg, 0.0);
-    flown(&mut late, 11, 60, 12.0, 0.0);
+    flown(&mut late, 0, 7, 12.0 + off_kg, 0.0);
+    flown(&mut late, 7, 60, 12.0, 0.0);
     assert_eq!(spells(late), []);
+}
+
+/// What is believed of moments of inertia in the first twelve seconds.
+#[test]
+fn moments_are_held_to_what_was_believed_of_them_once_they_show() {
+    let doubted_after = |until_s: u32| {
+        let mut watch = DoubtWatch::new(0.0, GATE);
+        for second in 0..60 {
+            let mut believed = body(12.0);
+            believed[6] += if second < until_s { (CONTRADICTS + 1.0) * f64::hypot(SIGMA[6], SIGMA[6]) } else { 0.0 };
+            watch.see(f64::from(second), &FlightHealth::default(), &ReceptionCounts::default(), &(believed, SIGMA));
+        }
+        spells(watch).len()
+    };
+    assert_eq!([11, 13].map(doubted_after), [0, 1]);
 }
 
 #[test]
