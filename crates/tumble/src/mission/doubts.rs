@@ -8,8 +8,10 @@ use tumble_planning::mission::{Action, Event};
 /// A doubt is lifted when nothing has given cause for it for so long, s: as long as an estimator takes to get acquainted with a body that was
 /// just made uncertain. What comes again before is the same doubt.
 const LIFTED_AFTER_S: f64 = 8.0;
-/// Moments of inertia are held to so much later than the mass, s: ways are gentle until the mass is known, and moments show later than it.
+/// For so long after that, s, moments of inertia are believed so many times less surely than is stated: ways are gentle until the mass is known, moments show
+/// later than it, and what was learned about a body far off is too sure of itself until it is learned again.
 const MOMENTS_LATER_S: f64 = 4.0;
+const MOMENTS_WIDER: f64 = 2.0;
 /// So often a belief is compared with all before, s.
 const COMPARED_EVERY_S: f64 = 1.0;
 /// A rigid body stays what it is: a belief so many standard deviations of both from an earlier one contradicts it.
@@ -32,6 +34,14 @@ struct Believed {
     t_s: f64,
     value: [f64; 4],
     sigma: [f64; 4],
+    /// How many times wider the deviations of moments are taken to be.
+    wider: f64,
+}
+
+impl Believed {
+    fn deviation(&self, index: usize) -> f64 {
+        if index == 0 { self.sigma[0] } else { self.wider * self.sigma[index] }
+    }
 }
 
 /// Two beliefs that cannot both be right.
@@ -150,13 +160,12 @@ impl DoubtWatch {
             self.count(time_s, counts);
             // What is just being learned again is no belief to be held to.
             if time_s >= self.acquainted_s && !health.relearning {
-                let mut sigma = COMPARED.map(|index| sigma.get(index).copied().unwrap_or(0.0));
-                if time_s < self.acquainted_s + MOMENTS_LATER_S {
-                    let [_, moments @ ..] = &mut sigma;
-                    moments.fill(f64::INFINITY);
-                }
-                let value = COMPARED.map(|index| value.get(index).copied().unwrap_or(0.0));
-                self.compare(&Believed { t_s: time_s, value, sigma });
+                self.compare(&Believed {
+                    t_s: time_s,
+                    value: COMPARED.map(|index| value.get(index).copied().unwrap_or(0.0)),
+                    sigma: COMPARED.map(|index| sigma.get(index).copied().unwrap_or(0.0)),
+                    wider: if time_s < self.acquainted_s + MOMENTS_LATER_S { MOMENTS_WIDER } else { 1.0 },
+                });
             }
         }
         self.lift(time_s);
@@ -186,7 +195,7 @@ impl DoubtWatch {
         let mut worst: Option<Contradiction> = None;
         for then in &self.beliefs {
             for index in 0..COMPARED.len() {
-                let both = libm::hypot(then.sigma[index], now.sigma[index]);
+                let both = libm::hypot(then.deviation(index), now.deviation(index));
                 let apart = if both > 0.0 { (now.value[index] - then.value[index]).abs() / both } else { 0.0 };
                 if apart > CONTRADICTS && worst.is_none_or(|worst| apart > worst.apart) {
                     worst = Some(Contradiction { index, then: *then, now: *now, apart });

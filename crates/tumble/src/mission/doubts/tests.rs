@@ -67,19 +67,21 @@ fn beliefs_that_cannot_both_be_right_are_a_doubt_until_they_agree_again() {
     assert_eq!(spells(late), []);
 }
 
-/// What is believed of moments of inertia in the first twelve seconds.
+/// What was believed of a moment in the first twelve seconds is held against it where it is farther off, of the mass as later.
 #[test]
-fn moments_are_held_to_what_was_believed_of_them_once_they_show() {
-    let doubted_after = |until_s: u32| {
+fn moments_are_believed_less_surely_at_first() {
+    let doubts_of = |index: usize, until_s: u32, sigmas: f64| {
         let mut watch = DoubtWatch::new(0.0, GATE);
         for second in 0..60 {
             let mut believed = body(12.0);
-            believed[6] += if second < until_s { (CONTRADICTS + 1.0) * f64::hypot(SIGMA[6], SIGMA[6]) } else { 0.0 };
-            watch.see(f64::from(second), &FlightHealth::default(), &ReceptionCounts::default(), &(believed, SIGMA));
+            believed[index] += if second < until_s { sigmas * SIGMA[index] } else { 0.0 };
+            let (health, counts) = (FlightHealth::default(), ReceptionCounts::default());
+            watch.see(f64::from(second), &health, &counts, &(believed, SIGMA));
         }
         spells(watch).len()
     };
-    assert_eq!([11, 13].map(doubted_after), [0, 1]);
+    assert_eq!([(11, 9.0), (11, 14.0), (14, 9.0)].map(|(until_s, sigmas)| doubts_of(6, until_s, sigmas)), [0, 1, 1]);
+    assert_eq!(doubts_of(0, 11, 9.0), 1);
 }
 
 #[test]
