@@ -24,7 +24,8 @@ pub enum Event {
     Belief {
         /// Its number.
         revision: u64,
-        /// Whether it differs so much from the one the way was planned with that another way would be better.
+        /// Whether it differs so much from the one the way was planned with, or the controller promises to follow so much more by now, that
+        /// another way would be better.
         is_material: bool,
     },
     /// What the controller made of a belief.

@@ -3,7 +3,7 @@
 use super::{Stretches, estimator, fly, planners, room, simulated, tube, tug};
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering};
 use tumble_planning::collision::EllipsoidWorld;
 use tumble_planning::control::{Adoption, ControlCommand, ControlRequest, Controller, TubeController};
 use tumble_planning::global::FlightPlanner;
@@ -13,15 +13,14 @@ use tumble_planning::mission::{
 use tumble_planning::{ModelBelief, PlanningError};
 
 /// A tube that promises what it is told to, whatever it could follow, micrometres per square second.
-struct Promising(TubeController, Arc<AtomicU64>);
+struct Promising(TubeController, Arc<AtomicU32>);
 
 impl Controller for Promising {
     fn tube_m(&self) -> [f64; 3] {
         self.0.tube_m()
     }
-    #[allow(clippy::cast_precision_loss)] // thousands
     fn acceleration_m_s2(&self) -> [f64; 3] {
-        [self.1.load(Ordering::Relaxed) as f64 * 1e-6; 3]
+        [f64::from(self.1.load(Ordering::Relaxed)) * 1e-6; 3]
     }
     fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
         self.0.adopt(belief)
@@ -42,8 +41,8 @@ struct AskedWay {
 /// Promises more, or less, from a decision on, and keeps what is asked for.
 struct Promises {
     planners: Simulated<FlightPlanner, Stretches>,
-    promised: Arc<AtomicU64>,
-    changes: Vec<(i64, u64)>,
+    promised: Arc<AtomicU32>,
+    changes: Vec<(i64, u32)>,
     /// When no stretch is found, ns.
     lost: Range<i64>,
     asked: Vec<AskedWay>,
@@ -80,8 +79,8 @@ impl LoopObserver for Material {
 }
 
 /// A flight with these promises at these times, and no stretches found for so long; what was asked for, and when a belief asked for another way.
-fn flown_with(changes: &[(i64, u64)], lost: Range<i64>) -> (Vec<AskedWay>, Vec<i64>) {
-    let promised = Arc::new(AtomicU64::new(3000));
+fn flown_with(changes: &[(i64, u32)], lost: Range<i64>) -> (Vec<AskedWay>, Vec<i64>) {
+    let promised = Arc::new(AtomicU32::new(3000));
     let shared = Arc::clone(&promised);
     let new = move |belief: &ModelBelief| Ok(Promising(tube(belief)?, Arc::clone(&shared)));
     let planners = simulated(planners());

@@ -98,8 +98,8 @@ impl Fit<'_> {
         if self.of.wrench_noise.is_none() {
             let count = (3 * self.segments) as f64;
             let is_near = self.decrement < DRIFT;
-            // Of errors, or of drives of them, by those that the record shows anything of: the fewer these are the slower that converges, which
-            // matters where levels have to fall.
+            // Of errors, or of drives of them, by those that the record shows anything of: the fewer these are the slower that converges. Longer changes
+            // make up for it near rest; farther away they lead astray.
             let factor = |squares: f64, places: core::ops::Range<usize>| {
                 let redundant = count - variances.iter().flat_map(|v| &v[places.clone()]).sum::<f64>();
                 let factor = (squares / redundant.max(1e-9)).clamp(WRENCH_CHANGE.0, WRENCH_CHANGE.1);
