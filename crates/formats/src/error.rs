@@ -1,6 +1,6 @@
 //! Errors of files: each with a code, the place and the remedy. All codes stand in `docs/errors.md`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What can be wrong with a file that is read or written.
 #[derive(Debug, thiserror::Error)]
@@ -300,6 +300,30 @@ pub enum FormatsError {
 }
 
 impl FormatsError {
+    /// The same of the log that was named, where this tells of a copy of it.
+    #[must_use]
+    pub(crate) fn naming(mut self, copy: &Path, named: &Path) -> Self {
+        if let Self::Unreadable { path, .. }
+        | Self::Empty { path, .. }
+        | Self::MissingColumn { path, .. }
+        | Self::DuplicateColumn { path, .. }
+        | Self::BadCell { path, .. }
+        | Self::OutOfRange { path, .. }
+        | Self::RowLength { path, .. }
+        | Self::NotUnit { path, .. }
+        | Self::TimeNotIncreasing { path, .. }
+        | Self::RowTooLong { path, .. }
+        | Self::NoFlight { path, .. }
+        | Self::Damaged { path, .. }
+        | Self::JointColumn { path, .. }
+        | Self::Database { path, .. } = &mut self
+            && path == copy
+        {
+            *path = named.into();
+        }
+        self
+    }
+
     /// The code under which `docs/errors.md` explains this error.
     pub fn code(&self) -> &'static str {
         match self {

@@ -13,6 +13,7 @@ pub use row::{BoundedRows, Header, ROW_LIMIT_BYTES, Row, cut_warning, line_read,
 pub use timed_rows::{RowLayout, TimedRows};
 
 use crate::FormatsError;
+use crate::text_file::open_regular;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -267,10 +268,10 @@ impl<R: Read> TimedRows<R, MotionLayout> {
 /// A 64-bit FNV-1a hash of a file's bytes, hexadecimal: tells whether two runs read the same log.
 ///
 /// # Errors
-/// [`FormatsError::Unreadable`].
+/// [`FormatsError::Unreadable`], also for a pipe or a device, which could be without end.
 pub fn hash(path: &Path) -> Result<String, FormatsError> {
     let unreadable = |source| FormatsError::Unreadable { path: path.into(), source };
-    let mut file = BufReader::new(File::open(path).map_err(unreadable)?);
+    let mut file = BufReader::new(open_regular(path).map_err(unreadable)?);
     let mut buffer = [0; 8192];
     let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
     loop {

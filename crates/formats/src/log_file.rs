@@ -12,6 +12,8 @@ const LIMIT_BYTES: u64 = 16 << 30;
 
 /// How often `progress` is told, bytes.
 const STEP_BYTES: u64 = 16 << 20;
+/// What is no log shows it within so many bytes.
+const HEAD_BYTES: u64 = 1 << 16;
 
 /// A log that can be read as often as an estimator needs it: the file itself, or a copy of what is none, which is removed when this is dropped.
 ///
@@ -24,13 +26,15 @@ const STEP_BYTES: u64 = 16 << 20;
 /// ```
 #[derive(Debug)]
 pub struct LogFile {
+    named: PathBuf,
     path: PathBuf,
     copied_to: Option<PathBuf>,
 }
 
 impl LogFile {
     /// The log that a user named: `-` is standard input; named pipes are read to their end; gzip is taken off. `progress` is told how many bytes
-    /// of such a log there are so far; of a pipe, first of all, that there is none yet: whoever is to write may keep it waiting.
+    /// of such a log there are so far; of a pipe, first of all, that there is none yet: whoever is to write may keep it waiting. Of what cannot be a log
+    /// only the beginning is copied, which whoever reads it refuses with its reason.
     ///
     /// # Errors
     /// [`FormatsError::Unreadable`], also for devices, for a terminal and for what is longer than 16 GiB.
@@ -59,7 +63,7 @@ impl LogFile {
         if kind.is_file() {
             File::open(named)?.take(2).read_to_end(&mut head)?;
             if head != GZIP {
-                return Ok(Self { path: named.into(), copied_to: None });
+                return Ok(Self { named: named.into(), path: named.into(), copied_to: None });
             }
         } else {
             progress(0);
@@ -91,8 +95,13 @@ impl LogFile {
         } else {
             named.file_name()
         };
-        let copied = Self { path: folder.join(name.unwrap_or("log".as_ref())), copied_to: Some(folder) };
+        let path = folder.join(name.unwrap_or("log".as_ref()));
+        let copied = Self { named: named.into(), path, copied_to: Some(folder) };
         let mut file = File::create(&copied.path)?;
+        let mut begin = Vec::new();
+        plain.by_ref().take(HEAD_BYTES).read_to_end(&mut begin)?;
+        let may_be_a_log = may_begin_a_log(&begin);
+        let mut plain = io::Cursor::new(begin).chain(if may_be_a_log { plain } else { Box::new(io::empty()) });
         let (mut buffer, mut bytes) = (vec![0; 1 << 16], 0);
         loop {
             let count = match plain.read(&mut buffer) {
@@ -117,6 +126,12 @@ impl LogFile {
     pub fn path(&self) -> &Path {
         &self.path
     }
+
+    /// An error about it by the name that the user gave.
+    #[must_use]
+    pub fn by_name(&self, error: FormatsError) -> FormatsError {
+        error.naming(&self.path, &self.named)
+    }
 }
 
 impl Drop for LogFile {
@@ -130,6 +145,16 @@ impl Drop for LogFile {
 
 /// How gzip begins.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
+
+/// How recordings begin, and UTF-16, which is refused by its name.
+const BEGINNINGS: [&[u8]; 6] = [b"#ROSBAG", b"\x89MCAP", b"ULog", b"SQLite format 3", b"\xff\xfe", b"\xfe\xff"];
+
+/// Whether a log may begin so: a recording, or text of which some line holds more than one cell.
+fn may_begin_a_log(begin: &[u8]) -> bool {
+    let separates = |byte: &u8| matches!(byte, b',' | b';' | b'\t' | b' ');
+    let is_text = !begin.contains(&0) && begin.iter().any(separates);
+    is_text || BEGINNINGS.iter().any(|beginning| begin.starts_with(beginning))
+}
 
 fn refused(why: &str) -> io::Error {
     io::Error::new(ErrorKind::InvalidInput, why)
@@ -188,6 +213,24 @@ mod tests {
         let error = LogFile::within(&path, 999, &mut |_| {}).unwrap_err();
         assert_eq!((error.kind(), error.to_string().as_str()), (ErrorKind::FileTooLarge, "longer than 999 bytes"));
         assert!(LogFile::within(&path, 1000, &mut |_| {}).is_ok());
+    }
+
+    #[test]
+    fn of_what_is_no_log_the_beginning_is_copied_alone() {
+        let length = |source: &[u8]| {
+            let log = LogFile::copy(source, "log.csv".as_ref(), LIMIT_BYTES, &mut |_| {}).unwrap();
+            fs::metadata(log.path()).unwrap().len()
+        };
+        let whole = 3 * HEAD_BYTES;
+        let filled =
+            |with: &[u8]| with.iter().copied().cycle().take(usize::try_from(whole).unwrap()).collect::<Vec<_>>();
+        for nothing in [&b"y\n"[..], b"\0", b"\0,"] {
+            assert_eq!(length(&filled(nothing)), HEAD_BYTES, "{nothing:?}");
+        }
+        for log in [&b"0.0,1.0\n"[..], b"0.0 1.0\n", b"#ROSBAG V2.0\n\0", b"\xff\xfet\0"] {
+            assert_eq!(length(&filled(log)), whole, "{log:?}");
+        }
+        assert_eq!((length(b""), length(b"t_s\n")), (0, 4));
     }
 
     #[test]

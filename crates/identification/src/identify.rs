@@ -24,6 +24,7 @@ mod rows;
 mod settings;
 mod solution;
 mod timeline;
+mod validate;
 mod verdict;
 mod wander;
 mod warning;
@@ -40,13 +41,12 @@ use fit::{Best, Fit, best_fit};
 use identification::Marks;
 use judgement::{Judgement, judge};
 use likelihood::most_likely;
-use nalgebra::{Vector3, Vector6};
+use nalgebra::Vector3;
 use noise::SampleNoise;
 use plan::{Plan, Way};
 pub(crate) use plane::is_in_xy_plane;
 use plane::planar_motion;
 use recursion::Replaced;
-use rows::Scheme;
 use settings::AUTO;
 use solution::{Solution, solve};
 use timeline::Timeline;
@@ -54,7 +54,7 @@ use verdict::verdict;
 use warning::FEW_NODES;
 
 pub use environment::{identify_in, with_all_that_acts};
-pub use identification::{Identification, NodeResidual, Silence, Validation};
+pub use identification::{Identification, NodeResidual, Silence, UnexplainedWrench, Validation};
 pub use long::LongRecord;
 pub use merge::merge;
 pub use parts::{Difference, Part, PartChange, Parts, identify_parts};
@@ -64,6 +64,7 @@ pub use problem::{JointFilter, Problem, Regressed};
 pub use rows::Regression;
 pub use settings::{FLIGHT_LIKELIHOOD, MAXIMUM_LIKELIHOOD, Prior, Settings, WEAK_FORM};
 pub(crate) use solution::{constrained, from_covariance};
+pub use validate::validate;
 pub use warning::Warning;
 
 /// Of the torque more than this share must be explained before a force is called silent.
@@ -420,49 +421,6 @@ fn is_noise(record: &[MotionSample]) -> bool {
     let change = mean_square(forces.windows(2).map(|pair| (pair[1] - pair[0]).norm_squared()).sum(), forces.len());
     // White noise: twice.
     change >= size
-}
-
-/// How well `found` explains another record of the same body.
-///
-/// # Errors
-/// As [`identify`]; also [`IdentificationError::NoEstimate`].
-pub fn validate(
-    found: &Identification,
-    record: &[MotionSample],
-    settings: &Settings,
-) -> Result<Validation, IdentificationError> {
-    let estimate = found.estimate.ok_or(IdentificationError::NoEstimate { rank: found.rank })?;
-    if found.method == MAXIMUM_LIKELIHOOD {
-        return likelihood::validated(found, &estimate, record, settings);
-    }
-    let timeline = Timeline::try_new(record)?;
-    let regression = Way::named(found.method).map_or(Regression::Variational4, Way::regression);
-    let scheme = Scheme::new(settings, regression, found.lag);
-    let rows = scheme.rows(record, &timeline)?;
-    let parameters = estimate.parameters.to_vector();
-    let gain = scheme.wrench_gain().sqrt();
-    let (torque_sigma, force_sigma) = (found.noise.torque_n_m * gain, found.noise.force_n * gain);
-    let (mut torque, mut force, mut normalised, mut applied) = (0.0, 0.0, 0.0, 0.0);
-    let whiten = Vector6::new(torque_sigma, torque_sigma, torque_sigma, force_sigma, force_sigma, force_sigma);
-    for row in &rows.all {
-        let residual = row.regressor * parameters - row.wrench;
-        let spread = row.regressor * estimate.covariance * row.regressor.transpose();
-        torque += residual.fixed_rows::<3>(0).norm_squared();
-        force += residual.fixed_rows::<3>(3).norm_squared();
-        for i in 0..6 {
-            let variance = whiten[i] * whiten[i] + spread[(i, i)];
-            normalised += residual[i] * residual[i] / variance.max(f64::MIN_POSITIVE);
-            applied += row.wrench[i] * row.wrench[i] / variance.max(f64::MIN_POSITIVE);
-        }
-    }
-    let count = rows.all.len() as f64;
-    Ok(Validation {
-        nodes: rows.all.len(),
-        torque_rms_n_m: (torque / (3.0 * count)).sqrt(),
-        force_rms_n: (force / (3.0 * count)).sqrt(),
-        normalised_rms: (normalised / (6.0 * count)).sqrt(),
-        explained: 1.0 - normalised / applied,
-    })
 }
 
 /// What a body leaves of the wrench of rows, torque counted at the body's own length.

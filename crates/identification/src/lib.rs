@@ -79,8 +79,8 @@ pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 pub use identify::{
     ConstrainedSolvers, Difference, FLIGHT_LIKELIHOOD, Identification, JointFilter, LongRecord, MAXIMUM_LIKELIHOOD,
     Methods, NodeResidual, Part, PartChange, Parts, Pipeline, Prediction, Prior, Problem, Regressed, Regression,
-    Settings, Silence, Validation, WEAK_FORM, Warning, constrained_solvers, identify, identify_in, identify_parts,
-    merge, methods, predict, validate, with_all_that_acts,
+    Settings, Silence, UnexplainedWrench, Validation, WEAK_FORM, Warning, constrained_solvers, identify, identify_in,
+    identify_parts, merge, methods, predict, validate, with_all_that_acts,
 };
 pub use information::FisherInformation;
 #[cfg(feature = "argmin")]

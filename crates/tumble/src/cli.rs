@@ -127,6 +127,14 @@ pub(crate) fn log_files(named: &[PathBuf]) -> Result<Vec<LogFile>, TumbleError> 
     named.iter().map(|named| log_file(named)).collect()
 }
 
+/// An error about one of them by the name that was given.
+pub(crate) fn by_name(files: &[LogFile], error: TumbleError) -> TumbleError {
+    match error {
+        TumbleError::File(error) => files.iter().fold(error, |error, file| file.by_name(error)).into(),
+        other => other,
+    }
+}
+
 /// Where they lie.
 pub(crate) fn paths_of(files: &[LogFile]) -> Vec<PathBuf> {
     files.iter().map(|file| file.path().to_owned()).collect()

@@ -23,8 +23,8 @@ fn partial_sibling(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Removes the unfinished folders of `path` that processes left which were ended; what cannot be removed stays.
-fn remove_stale_partials(path: &Path) {
+/// Removes the unfinished folders, or files, of `path` that processes left which were ended; what cannot be removed stays.
+fn remove_stale_partials(path: &Path, folders: bool) {
     let Some(name) = path.file_name().and_then(|name| name.to_str()) else { return };
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let process = |entry: &fs::DirEntry| -> Option<u32> {
@@ -32,9 +32,9 @@ fn remove_stale_partials(path: &Path) {
     };
     for entry in fs::read_dir(parent).into_iter().flatten().flatten() {
         // Of links not even the target.
-        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
-        if is_folder && process(&entry).is_some_and(|process| is_over(process, &entry)) {
-            let _ = fs::remove_dir_all(entry.path());
+        let is_such = entry.file_type().is_ok_and(|kind| if folders { kind.is_dir() } else { kind.is_file() });
+        if is_such && process(&entry).is_some_and(|process| is_over(process, &entry)) {
+            let _ = if folders { fs::remove_dir_all(entry.path()) } else { fs::remove_file(entry.path()) };
         }
     }
 }
@@ -103,6 +103,7 @@ impl OutputFile {
         if path.exists() && !force {
             return Err(TumbleError::OutputExists { path: path.into() });
         }
+        remove_stale_partials(path, false);
         let partial = partial_sibling(path);
         let file = fs::File::create(&partial).map_err(unwritable(path))?;
         Ok(Self { path: path.into(), partial, force, file: BufWriter::new(file) })
@@ -269,7 +270,7 @@ impl OutputFolder {
             });
         }
         Self::check_place(path, force)?;
-        remove_stale_partials(path);
+        remove_stale_partials(path, true);
         let partial = partial_sibling(path);
         if partial.exists() {
             fs::remove_dir_all(&partial).map_err(unwritable(&partial))?;
@@ -380,6 +381,8 @@ mod tests {
         drop(OutputFolder::create(&base.join("run"), false).unwrap());
         assert!(stale.iter().all(|name| !base.join(name).exists()));
         assert!(kept.iter().all(|name| base.join(name).join("log.csv").exists()) && file.exists());
+        drop(OutputFile::create(&base.join("run"), false).unwrap());
+        assert!(kept.iter().all(|name| base.join(name).join("log.csv").exists()) && !file.exists());
     }
 
     #[test]

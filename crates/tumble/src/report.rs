@@ -360,15 +360,22 @@ pub(crate) fn verdict(found: &Identification, context: &Context) -> String {
         }
     }
     if let Some(v) = &context.validation {
-        let _ = writeln!(
-            text,
-            "  held-out part: {} nodes, residual {:.2e} N m, {:.2e} N; {:.2} times what noise and covariance predict; {:.2} % of the wrench explained",
-            v.nodes,
-            v.torque_rms_n_m,
-            v.force_rms_n,
-            v.normalised_rms,
-            100.0 * v.explained
-        );
+        let _ = match &v.wrench {
+            Some(left) => writeln!(
+                text,
+                "  held-out part: {} nodes, residual {:.2e} N m, {:.2e} N; {:.2} times what noise and covariance predict; {:.2} % of the wrench explained",
+                v.nodes,
+                left.torque_rms_n_m,
+                left.force_rms_n,
+                v.normalised_rms,
+                100.0 * left.explained
+            ),
+            None => writeln!(
+                text,
+                "  held-out part: {} samples, whose own body is {:.2} times as far away as both covariances predict",
+                v.nodes, v.normalised_rms
+            ),
+        };
     }
     text
 }
@@ -617,10 +624,10 @@ pub(crate) struct JsonReference {
 #[derive(Serialize)]
 struct JsonHoldout {
     nodes: usize,
-    torque_rms_n_m: f64,
-    force_rms_n: f64,
+    torque_rms_n_m: Option<f64>,
+    force_rms_n: Option<f64>,
     normalised_rms: f64,
-    explained: f64,
+    explained: Option<f64>,
 }
 
 /// A noise level is zero where its column was not used.
@@ -775,10 +782,10 @@ pub fn json(found: &Identification, context: &Context) -> Json {
             .and_then(|body| reference_json(body, &found.determined(), context)),
         holdout: context.validation.map(|v| JsonHoldout {
             nodes: v.nodes,
-            torque_rms_n_m: v.torque_rms_n_m,
-            force_rms_n: v.force_rms_n,
+            torque_rms_n_m: v.wrench.map(|left| left.torque_rms_n_m),
+            force_rms_n: v.wrench.map(|left| left.force_rms_n),
             normalised_rms: v.normalised_rms,
-            explained: v.explained,
+            explained: v.wrench.map(|left| left.explained),
         }),
         warnings: warnings(found, context),
     }

@@ -58,8 +58,8 @@ pub struct Trial {
     pub(crate) share: f64,
     /// How it does on the rest.
     pub(crate) validation: Validation,
-    /// By how many of its standard deviations each of the ten numbers changes when the rest is used too.
-    pub(crate) moved: Vec<f64>,
+    /// By how many of its standard deviations each of the ten numbers changes when the rest is used too; none of what either leaves open.
+    pub(crate) moved: Vec<Option<f64>>,
 }
 
 impl Trial {
@@ -70,9 +70,12 @@ impl Trial {
         whole: &Identification,
         validation: Validation,
     ) -> Option<Self> {
-        let (part, whole) = (part.estimate.as_ref()?, whole.estimate.as_ref()?);
+        let known: Vec<bool> = part.determined().iter().zip(whole.determined()).map(|(a, b)| *a && b).collect();
+        let body = |of: &Identification| of.estimate.or(of.regularised);
+        let (part, whole) = (body(part)?, body(whole)?);
         let numbers = |of: &Estimate| quantities(&of.parameters, &part.std);
-        let moved = numbers(part).iter().zip(numbers(whole)).map(|(a, b)| (b.value - a.value) / a.std).collect();
+        let pairs = numbers(&part).into_iter().zip(numbers(&whole)).zip(known);
+        let moved = pairs.map(|((a, b), known)| known.then_some((b.value - a.value) / a.std)).collect();
         Some(Self { share, validation, moved })
     }
 }
@@ -288,12 +291,16 @@ fn story(shown: &Shown, context: &Context) -> [String; 3] {
     let explained =
         shown.explained.map(|share| format!("The body explains {} % of the wrench", number(100.0 * share, 4)));
     let trial = shown.trial.as_ref().map(|trial| {
-        format!(
-            "one found from the first {} % of the log explains {} % of the rest, where its errors are {} times what its own σ and the noise predict",
-            number(100.0 * trial.share, 2),
-            number(100.0 * trial.validation.explained, 3),
-            number(trial.validation.normalised_rms, 2)
-        )
+        let (share, ratio) = (number(100.0 * trial.share, 2), number(trial.validation.normalised_rms, 2));
+        match &trial.validation.wrench {
+            Some(left) => format!(
+                "one found from the first {share} % of the log explains {} % of the rest, where its errors are {ratio} times what its own σ and the noise predict",
+                number(100.0 * left.explained, 3)
+            ),
+            None => format!(
+                "one found from the first {share} % of the log and one found from the rest are {ratio} times as far apart as their σ predict"
+            ),
+        }
     });
     let sure = [explained, trial].into_iter().flatten().collect::<Vec<_>>().join("; ");
     [asked, ended, if sure.is_empty() { String::new() } else { format!("{sure}.") }]
@@ -339,7 +346,7 @@ pub(crate) fn write(
         let names = shown.body.iter().flat_map(|(estimate, _)| quantities(&estimate.parameters, &estimate.std));
         let rows: Vec<Vec<String>> = names
             .zip(&trial.moved)
-            .map(|(quantity, moved)| vec![quantity.name.to_owned(), number(*moved, 2)])
+            .filter_map(|(quantity, moved)| Some(vec![quantity.name.to_owned(), number((*moved)?, 2)]))
             .collect();
         page.table("trial", "Change of each number, in σ of the first part", &["Quantity", "Change, σ"], &rows);
     }

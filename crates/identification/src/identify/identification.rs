@@ -79,15 +79,22 @@ pub struct Identification {
 /// How well an estimate explains a record it was not made from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Validation {
-    /// Nodes judged.
+    /// Nodes judged; for `flight-likelihood` samples.
     pub nodes: usize,
+    /// Root mean square of the residual in units of what noise and covariance predict: near one when all is well. For
+    /// likelihoods the residual is the step from the estimate to the one the record itself gives.
+    pub normalised_rms: f64,
+    /// What of the record's wrench the estimate leaves; none of `flight-likelihood`, which has no wrench of a motion without a body of its own.
+    pub wrench: Option<UnexplainedWrench>,
+}
+
+/// What an estimate leaves of the wrench of a record it was not made from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnexplainedWrench {
     /// Root mean square of the torque residual, N m.
     pub torque_rms_n_m: f64,
     /// Root mean square of the force residual, N.
     pub force_rms_n: f64,
-    /// Root mean square of the residual in units of what noise and covariance predict: near one when all is well. For the
-    /// likelihood the residual is the step from the estimate to the one the record itself would give.
-    pub normalised_rms: f64,
     /// Share of the wrench's mean square that the body explains, from minus infinity to one.
     pub explained: f64,
 }

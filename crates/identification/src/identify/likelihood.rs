@@ -1,7 +1,7 @@
 //! The likelihood behind [`identify`](super::identify): used where poses are noisy, believed where all ten directions are
 //! determined.
 
-use super::identification::{Identification, Marks, NodeResidual, Silence, Validation};
+use super::identification::{Identification, Marks, NodeResidual, Silence, UnexplainedWrench, Validation};
 use super::plan::{Plan, Way};
 use super::settings::{MAXIMUM_LIKELIHOOD, Settings};
 use super::solution::{Solution, from_covariance, solve};
@@ -385,9 +385,11 @@ pub(super) fn validated(
     let (torque, force) = mean_squares(&judged.residuals, record.len());
     Ok(Validation {
         nodes: judged.residuals.len(),
-        torque_rms_n_m: (torque / 3.0).sqrt(),
-        force_rms_n: (force / 3.0).sqrt(),
         normalised_rms: judged.misfit,
-        explained: evidence(&judged.residuals, record, found.scale).explained().unwrap_or_default(),
+        wrench: Some(UnexplainedWrench {
+            torque_rms_n_m: (torque / 3.0).sqrt(),
+            force_rms_n: (force / 3.0).sqrt(),
+            explained: evidence(&judged.residuals, record, found.scale).explained().unwrap_or_default(),
+        }),
     })
 }

@@ -237,7 +237,7 @@ fn noisy_poses_are_noticed_and_answered() {
         );
         let validation = validate(&found, held_out, &Settings::default()).unwrap();
         println!("{validation:?}");
-        assert!(validation.normalised_rms < 1.7 && validation.explained > 0.99, "{validation:?}");
+        assert!(validation.normalised_rms < 1.7 && validation.wrench.unwrap().explained > 0.99, "{validation:?}");
         let mut wrong = found.clone();
         if let Some(estimate) = &mut wrong.estimate {
             estimate.parameters.mass *= 1.05;
@@ -434,7 +434,10 @@ fn prediction_and_validation_agree_with_what_happens() {
         assert!((0.75..1.35).contains(&ratio), "held {held}: {ratio}");
         let found = identify(fitted, &settings).unwrap();
         let validation = validate(&found, held_out, &settings).unwrap();
-        assert!((0.7..1.4).contains(&validation.normalised_rms) && validation.explained > 0.9, "{validation:?}");
+        assert!(
+            (0.7..1.4).contains(&validation.normalised_rms) && validation.wrench.unwrap().explained > 0.9,
+            "{validation:?}"
+        );
         // A wrong body is caught.
         let mut wrong = found.clone();
         if let Some(estimate) = &mut wrong.estimate {

@@ -1,6 +1,6 @@
 //! `tumble convert`: one log format into another.
 
-use super::{Outcome, log_files, named_together, paths_of};
+use super::{Outcome, by_name, log_files, named_together, paths_of};
 use crate::TumbleError;
 use crate::output::OutputFile;
 use std::fs::File;
@@ -106,7 +106,7 @@ pub fn run(args: &ConvertArgs, robots: &Robots) -> Result<Outcome, TumbleError> 
     };
     let files = log_files(&args.inputs)?;
     let args = &ConvertArgs { inputs: paths_of(&files), ..args.clone() };
-    let input = Input::of(&args.inputs)?;
+    let input = Input::of(&args.inputs).map_err(|error| by_name(&files, error))?;
     let done = if is_stdout {
         if format == Format::Mcap {
             let known = "standard output takes CSV and TUM, which are text; name a file for MCAP";
@@ -134,7 +134,7 @@ pub fn run(args: &ConvertArgs, robots: &Robots) -> Result<Outcome, TumbleError> 
             Ok(())
         })
     };
-    done.map_err(|error| placed(error, &args.output)).map(|()| Outcome::Achieved)
+    done.map_err(|error| by_name(&files, placed(error, &args.output))).map(|()| Outcome::Achieved)
 }
 
 fn refused(source: std::io::Error) -> TumbleError {

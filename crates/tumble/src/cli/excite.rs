@@ -58,12 +58,10 @@ pub fn run(args: &ExciteArgs) -> Result<Outcome, TumbleError> {
         });
     }
     let place = match &args.out {
-        Some(path) => {
-            OutputFolder::check_place(path, args.force)?;
-            path.clone()
-        }
+        Some(path) => path.clone(),
         None => unused(&Path::new("tumble-out").join(format!("excite-{}-{}", args.criterion.name(), args.seed))),
     };
+    let folder = OutputFolder::create(&place, args.force)?;
     let body = args.body.as_deref().map_or_else(|| Ok(space_cobot::body()), body_file::read)?;
     let payload = args.payload.as_deref().map(body_file::read).transpose()?;
     progress(&format!("searching from {} start{} ...", args.starts, if args.starts == 1 { "" } else { "s" }));
@@ -93,7 +91,6 @@ pub fn run(args: &ExciteArgs) -> Result<Outcome, TumbleError> {
 
     let period = FinePeriod::of(&designed.motion, &body);
     let summary = summary(args, &designed, &bounds, &period, flight.as_ref());
-    let folder = OutputFolder::create(&place, args.force)?;
     folder.write("excitation.toml", &file.to_toml(&folder.file("excitation.toml"))?)?;
     folder.write("motion.csv", &motion_csv(&designed.motion, &body, samples))?;
     folder.write("summary.json", &format!("{summary:#}\n"))?;
@@ -111,19 +108,20 @@ pub fn run(args: &ExciteArgs) -> Result<Outcome, TumbleError> {
         folder.write("truth.toml", &body_file::export(Path::new("truth.toml"), &flight.truth)?)?;
     }
     let place = folder.finish()?;
-    if args.json {
+    let told = if args.json {
         let mut printed = summary;
         printed["folder"] = place.display().to_string().into();
-        print(&format!("{printed}\n"))?;
+        print(&format!("{printed}\n"))
     } else {
-        print(&table(args, &designed, &bounds, &period, flight.as_ref(), true))?;
-    }
+        print(&table(args, &designed, &bounds, &period, flight.as_ref(), true))
+    };
     if flight.is_some() {
         let shown = place.display();
         tell_line!("wrote {shown}; tumble identify {shown}/log.csv --excitation {shown}/excitation.toml");
     } else {
         tell_line!("wrote {}", place.display());
     }
+    told?;
     Ok(Outcome::Achieved)
 }
 

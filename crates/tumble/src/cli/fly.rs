@@ -148,10 +148,7 @@ pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     let source = if args.draw { draw_mission(&source, options.seed, args.outside)? } else { source };
     let (name, seed) = (&source.scenario.name, options.seed);
     let place = match &args.out {
-        Some(path) => {
-            OutputFolder::check_place(path, args.force)?;
-            path.clone()
-        }
+        Some(path) => path.clone(),
         None => unused(&Path::new("tumble-out").join(format!("fly-{name}-{seed}"))),
     };
     let folder = OutputFolder::create(&place, args.force)?;
@@ -182,17 +179,20 @@ pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     folder.write(RUN_RECORD, &run_record(&options, &folder)?)?;
     let place = folder.finish()?;
     progress("");
-    if args.json {
+    let told = if args.json {
         let mut printed = serde_json::to_value(&record.summary).map_err(unprintable)?;
         printed["folder"] = place.display().to_string().into();
-        print(&format!("{printed}\n"))?;
+        print(&format!("{printed}\n"))
     } else {
-        print(&table(&record, &costs, wall_s))?;
-    }
+        print(&table(&record, &costs, wall_s))
+    };
     let shown = place.display();
+    let changed = record.payload.is_some_and(|held| held.held_s[0] > 0.0 || held.held_s[1] < record.summary.mission_s);
+    let split = if changed { " --split" } else { "" };
     tell_line!(
-        "wrote {shown}; open {shown}/report.html, or: tumble identify {shown}/log.csv --reference {shown}/truth.toml"
+        "wrote {shown}; open {shown}/report.html, or: tumble identify {shown}/log.csv --reference {shown}/truth.toml{split}"
     );
+    told?;
     Ok(verdict(&record))
 }
 

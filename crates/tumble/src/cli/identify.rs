@@ -2,11 +2,11 @@
 
 use super::identify_arm::Files;
 use super::identify_log::{Log, ROWS_IN_MEMORY, Rows};
-use super::identify_options::{AUTO, OF_CYCLES, run_record, write_export};
+use super::identify_options::{AUTO, OF_CYCLES, Outputs, run_record};
 use super::identify_periodic::{self, Motion};
 pub use super::own_estimator::{MakeEstimator, OwnEstimator};
-use super::{Outcome, log_files, named_together, paths_of, print};
-use crate::output::{OutputFolder, RUN_RECORD};
+use super::{Outcome, by_name, log_files, named_together, paths_of, print};
+use crate::output::RUN_RECORD;
 use crate::report::{self, Context};
 use crate::report_page::{self, Trial};
 use crate::{TumbleError, demo};
@@ -22,7 +22,7 @@ use tumble_formats::log::{TEMPLATE, seconds};
 use tumble_identification::harmonics::HarmonicEstimator;
 use tumble_identification::{
     FLIGHT_LIKELIHOOD, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Nuisances,
-    Part, Parts, Settings, Validation, predict, validate,
+    Part, Parts, Settings, Validation, predict,
 };
 
 pub use super::identify_options::{ADDED_METHODS, IdentifyArgs};
@@ -37,17 +37,29 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
         return Ok(Outcome::Achieved);
     }
     check_options(args)?;
+    let mut outputs = Outputs::default();
     if !args.arm.is_asked() {
         if let (Some(throw), Some(calibration)) = (&args.wheel, &args.calibration) {
             return super::calibrate_wheel::identify_throw(throw, calibration, args.mass, args.json);
         }
         // Before a pipe is waited for, and by the names that were given: a copy of the log is not the log.
         check_outputs(args)?;
+        outputs = Outputs::reserve(args)?;
     }
     let named = args.logs();
     let files = log_files(&named)?;
     let mut paths = paths_of(&files).into_iter();
-    let args = &IdentifyArgs { log: paths.next(), more: paths.collect(), ..args.clone() };
+    let at_hand = IdentifyArgs { log: paths.next(), more: paths.collect(), ..args.clone() };
+    answer(&at_hand, &named, robots, outputs).map_err(|error| by_name(&files, error))
+}
+
+/// Of logs that are at hand, under the names that were given.
+fn answer(
+    args: &IdentifyArgs,
+    named: &[PathBuf],
+    robots: &Robots,
+    mut outputs: Outputs,
+) -> Result<Outcome, TumbleError> {
     if args.arm.is_asked() {
         return identify_arm(args, robots);
     }
@@ -55,10 +67,10 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     let motion = Motion::of(args)?;
     let mut log = Log::read(args, robots)?;
     if !named.is_empty() {
-        log.source = named_together(&named);
+        log.source = named_together(named);
     }
     if let (Some(motion), Some(estimator)) = (&motion, args.harmonic()) {
-        match identify_periodic::run(args, motion, estimator, &log) {
+        match identify_periodic::run(args, motion, estimator, &log, &mut outputs) {
             Err(TumbleError::Identification(reason)) if without_cycles(estimator, &reason) => {
                 log.warnings.push(format!(
                     "the cycles of this log cannot be averaged ({reason}): the whole log answers, as without a period"
@@ -74,7 +86,7 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
         return split(args, &log, &settings);
     }
     let found = Found::of(&log, &settings, args.holdout.is_some())?;
-    deliver(args, &found, &log, &settings)
+    deliver(args, &found, &log, &settings, outputs)
 }
 
 /// Of so many parts of a log a page trains on all but the last, where nothing else was asked for; on that the body is tried.
@@ -83,13 +95,18 @@ const PARTS: usize = 4;
 /// A body from the first part of the log, tried on the rest; none where the log has too few rows, or too many for a second look.
 fn trial(args: &IdentifyArgs, found: &Identification, log: &Log, settings: &Settings) -> Option<Trial> {
     let Rows::Memory(record) = &log.rows else { return None };
-    if args.holdout.is_some() || log.actuators.is_some() || found.estimate.is_none() || record.len() > LongRecord::LONG
-    {
+    if args.holdout.is_some() || log.actuators.is_some() || !has_numbers(found) || record.len() > LongRecord::LONG {
         return None;
     }
     let (part, rest) = record.split_at_checked(record.len() - record.len() / PARTS)?;
     let alone = log.identify_rows(part, settings).ok()?;
-    Trial::new(part.len() as f64 / record.len() as f64, &alone, found, validate(&alone, rest, settings).ok()?)
+    Trial::new(part.len() as f64 / record.len() as f64, &alone, found, log.validate(&alone, rest, settings).ok()?)
+}
+
+/// Whether some of the ten numbers were found.
+fn has_numbers(found: &Identification) -> bool {
+    let in_part = found.method == FLIGHT_LIKELIHOOD && found.regularised.is_some();
+    (found.estimate.is_some() || in_part) && found.determined().contains(&true)
 }
 
 /// What the options say of the record as a whole.
@@ -128,7 +145,7 @@ impl Found {
         let files = log_files(&named)?;
         let mut paths = paths_of(&files).into_iter();
         let at_hand = IdentifyArgs { log: paths.next(), more: paths.collect(), ..args.clone() };
-        let mut log = Log::read(&at_hand, robots)?;
+        let mut log = Log::read(&at_hand, robots).map_err(|error| by_name(&files, error))?;
         if !named.is_empty() {
             log.source = named_together(&named);
         }
@@ -161,8 +178,9 @@ impl Found {
 
     fn of(log: &Log, settings: &Settings, is_held_out: bool) -> Result<Self, TumbleError> {
         let identification = log.identify(settings)?;
-        let has_another = is_held_out && identification.estimate.is_some();
-        let validation = if has_another { Some(validate(&identification, &log.held_out()?, settings)?) } else { None };
+        let has_another = is_held_out && has_numbers(&identification);
+        let validation =
+            if has_another { Some(log.validate(&identification, &log.held_out()?, settings)?) } else { None };
         Ok(Self {
             identification,
             source: log.source.clone(),
@@ -353,13 +371,7 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
 
 /// Refuses outputs that could not be written before any long work is done.
 fn check_outputs(args: &IdentifyArgs) -> Result<(), TumbleError> {
-    if let Some(path) = &args.out {
-        OutputFolder::check_place(path, args.force)?;
-    }
     for path in [&args.out, &args.export].into_iter().flatten() {
-        if path.exists() && !args.force {
-            return Err(TumbleError::OutputExists { path: path.clone() });
-        }
         let inputs = [&args.log, &args.reference, &args.prior, &args.excitation, &args.actuators];
         let inputs = inputs.into_iter().flatten().chain(&args.more);
         let same =
@@ -388,26 +400,22 @@ fn check_holdout(args: &IdentifyArgs) -> Result<(), TumbleError> {
     Ok(())
 }
 
-fn deliver(args: &IdentifyArgs, answer: &Found, log: &Log, settings: &Settings) -> Result<Outcome, TumbleError> {
+fn deliver(
+    args: &IdentifyArgs,
+    answer: &Found,
+    log: &Log,
+    settings: &Settings,
+    mut outputs: Outputs,
+) -> Result<Outcome, TumbleError> {
     let (found, context) = (&answer.identification, &answer.context());
     for warning in report::warnings(found, context) {
         tell_line!("warning: {warning}");
     }
     let json = answer.json()?;
-    if args.json {
-        print(&format!("{json}\n"))?;
-    } else {
-        print(&report::table(found, context))?;
-    }
-    match (&args.export, &found.estimate) {
-        (Some(path), Some(estimate)) => {
-            write_export(path, args, &estimate.parameters)?;
-        }
-        (Some(path), None) => tell_line!("warning: no body to export; {} is not written", path.display()),
-        (None, _) => {}
-    }
-    if let Some(path) = &args.out {
-        let folder = OutputFolder::create(path, args.force)?;
+    // What cannot be printed is written all the same.
+    let told = print(&if args.json { format!("{json}\n") } else { report::table(found, context) });
+    outputs.export(args, found.estimate.as_ref().map(|estimate| &estimate.parameters))?;
+    if let Some(folder) = outputs.folder {
         folder.write("result.json", &json)?;
         if let Some(estimate) = &found.estimate {
             folder.write("body.toml", &body_file::export(Path::new("body.toml"), &estimate.parameters)?)?;
@@ -421,6 +429,7 @@ fn deliver(args: &IdentifyArgs, answer: &Found, log: &Log, settings: &Settings) 
         folder.write(RUN_RECORD, &run_record(args, &context.source))?;
         tell_line!("wrote {}", folder.finish()?.join("report.html").display());
     }
+    told?;
     Ok(if found.verdict.is_identified() { Outcome::Achieved } else { Outcome::NotAchieved })
 }
 

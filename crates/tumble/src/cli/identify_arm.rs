@@ -139,9 +139,7 @@ fn refused(message: impl Into<String>) -> TumbleError {
 /// [`TumbleError`] for bad input; a payload that the logs do not determine is [`Outcome::NotAchieved`].
 pub fn run(options: &ArmOptions, files: &Files<'_>, robots: &Robots) -> Result<Outcome, TumbleError> {
     let arm = ArmModel::find(options.model.as_deref().unwrap_or_default(), robots)?;
-    if let Some(out) = files.out {
-        OutputFolder::check_place(out, files.force)?;
-    }
+    let folder = files.out.map(|out| OutputFolder::create(out, files.force)).transpose()?;
     let mut warnings = arm.warnings.clone();
     let mut logs = vec![(files.log, options.payload)];
     logs.extend(options.grasped.as_deref().map(|log| (log, true)));
@@ -164,17 +162,13 @@ pub fn run(options: &ArmOptions, files: &Files<'_>, robots: &Robots) -> Result<O
         tell_line!("warning: {warning}");
     }
     let object = report.json()?;
-    if files.json {
-        print(&format!("{object}\n"))?;
-    } else {
-        print(&report.table()?)?;
-    }
-    if let Some(out) = files.out {
-        let folder = OutputFolder::create(out, files.force)?;
+    let told = print(&if files.json { format!("{object}\n") } else { report.table()? });
+    if let Some(folder) = folder {
         folder.write("result.json", &format!("{object:#}\n"))?;
         folder.write(RUN_RECORD, &run_record(files.log, options.grasped.as_deref())?)?;
         tell_line!("written: {}", folder.finish()?.display());
     }
+    told?;
     let payload_found = !carries || report.is_determined(estimator.parts.len() - 1)?;
     Ok(if payload_found { Outcome::Achieved } else { Outcome::NotAchieved })
 }

@@ -15,7 +15,7 @@ use tumble_formats::{FormatsError, Robots, SampleReader, body_file, recording};
 use tumble_identification::sensing::{self, Sensing};
 use tumble_identification::{
     FlightLikelihood, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Parts,
-    Pipeline, Plane, Settings, merge,
+    Pipeline, Plane, Settings, Validation, merge,
 };
 
 /// Rows held in memory at once; a longer log is identified part by part and the parts' information added.
@@ -286,6 +286,16 @@ impl Log {
         settings: &Settings,
     ) -> Result<Identification, TumbleError> {
         Ok(self.pipeline.identify(rows, settings)?)
+    }
+
+    /// How well what was found explains other rows.
+    pub(super) fn validate(
+        &self,
+        found: &Identification,
+        rows: &[MotionSample],
+        settings: &Settings,
+    ) -> Result<Validation, TumbleError> {
+        Ok(self.pipeline.validate(found, rows, settings)?)
     }
 
     pub(super) fn identify(&self, settings: &Settings) -> Result<Identification, TumbleError> {

@@ -4,13 +4,15 @@ use super::check::exported;
 use super::identify_arm::ArmOptions;
 use crate::TumbleError;
 use crate::added::Added;
-use crate::output::write_file;
+use crate::output::{OutputFile, OutputFolder};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Command, FromArgMatches as _, ValueEnum};
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::io::Write as _;
+use std::path::PathBuf;
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
+use tumble_formats::FormatsError;
 use tumble_identification::estimator::{Estimator, EstimatorError};
 use tumble_identification::harmonics::HarmonicEstimator;
 use tumble_identification::{
@@ -248,14 +250,35 @@ pub(super) fn run_record(args: &IdentifyArgs, source: &str) -> String {
     .to_string()
 }
 
-/// Writes what `--export` asks for.
-pub(super) fn write_export(
-    path: &Path,
-    args: &IdentifyArgs,
-    body: &InertialParameters<f64>,
-) -> Result<(), TumbleError> {
-    let text = exported(path, args.patch.as_deref(), args.link.as_deref(), body)?;
-    write_file(path, text.as_bytes(), args.force)?;
-    tell_line!("wrote {}", path.display());
-    Ok(())
+/// What `--out` and `--export` ask for, their names held from the start.
+#[derive(Default)]
+pub(super) struct Outputs {
+    pub(super) folder: Option<OutputFolder>,
+    export: Option<OutputFile>,
+}
+
+impl Outputs {
+    pub(super) fn reserve(args: &IdentifyArgs) -> Result<Self, TumbleError> {
+        Ok(Self {
+            folder: args.out.as_deref().map(|path| OutputFolder::create(path, args.force)).transpose()?,
+            export: args.export.as_deref().map(|path| OutputFile::create(path, args.force)).transpose()?,
+        })
+    }
+
+    /// Writes what `--export` asks for, where a body was found.
+    pub(super) fn export(
+        &mut self,
+        args: &IdentifyArgs,
+        body: Option<&InertialParameters<f64>>,
+    ) -> Result<(), TumbleError> {
+        let (Some(path), Some(mut file)) = (&args.export, self.export.take()) else { return Ok(()) };
+        let Some(body) = body else {
+            tell_line!("warning: no body to export; {} is not written", path.display());
+            return Ok(());
+        };
+        let text = exported(path, args.patch.as_deref(), args.link.as_deref(), body)?;
+        file.write_all(text.as_bytes()).map_err(|source| FormatsError::Unwritable { path: path.clone(), source })?;
+        tell_line!("wrote {}", file.finish()?.display());
+        Ok(())
+    }
 }

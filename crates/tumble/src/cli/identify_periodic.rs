@@ -1,10 +1,10 @@
 //! `tumble identify LOG --excitation FILE`: the cycles of a periodic motion, averaged.
 
 use super::identify_log::{Log, Rows};
-use super::identify_options::{IdentifyArgs, run_record, write_export};
+use super::identify_options::{IdentifyArgs, Outputs, run_record};
 use super::{Outcome, print};
 use crate::harmonic_report as report;
-use crate::output::{OutputFolder, RUN_RECORD};
+use crate::output::RUN_RECORD;
 use crate::report::Context;
 use crate::{TumbleError, space_cobot};
 use std::fmt::Write as _;
@@ -143,6 +143,7 @@ pub(super) fn run(
     motion: &Motion,
     estimator: HarmonicEstimator,
     log: &Log,
+    outputs: &mut Outputs,
 ) -> Result<Outcome, TumbleError> {
     let Rows::Memory(samples) = &log.rows else {
         return Err(TumbleError::BadOption {
@@ -171,7 +172,7 @@ pub(super) fn run(
         duration_s: log.duration_s,
         actuators: None,
     };
-    deliver(args, &found, &settings, &context, samples.len())
+    deliver(args, &found, &settings, &context, samples.len(), outputs)
 }
 
 /// What may be wrong where nothing says that the motion leaves a parameter open.
@@ -220,6 +221,7 @@ fn deliver(
     settings: &HarmonicSettings,
     context: &Context,
     samples: usize,
+    outputs: &mut Outputs,
 ) -> Result<Outcome, TumbleError> {
     let warnings = report::warnings(found, context);
     for warning in &warnings {
@@ -227,18 +229,16 @@ fn deliver(
     }
     let json = report::json(found, settings, context, samples).to_string();
     let table = report::table(found, settings, context, samples);
-    print(&if args.json { format!("{json}\n") } else { table.clone() })?;
+    let told = print(&if args.json { format!("{json}\n") } else { table.clone() });
     let body = &found.estimate.parameters;
-    if let Some(path) = &args.export {
-        write_export(path, args, body)?;
-    }
-    if let Some(path) = &args.out {
-        let folder = OutputFolder::create(path, args.force)?;
+    outputs.export(args, Some(body))?;
+    if let Some(folder) = outputs.folder.take() {
         folder.write("result.json", &json)?;
         folder.write("body.toml", &body_file::export(Path::new("body.toml"), body)?)?;
         report::write_page(&folder, found, context, samples, &table, &json)?;
         folder.write(RUN_RECORD, &run_record(args, &context.source))?;
         tell_line!("wrote {}", folder.finish()?.join("report.html").display());
     }
+    told?;
     Ok(if found.verdict.is_identified() { Outcome::Achieved } else { Outcome::NotAchieved })
 }

@@ -72,8 +72,7 @@ pub fn run(args: &PlanArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
             &Path::new("tumble-out").join(format!("{}-{name}-{seed}", if args.local { "local-plan" } else { "plan" })),
         ),
     };
-    // Whether the result can be written, before it is worked for; whoever interrupts the work then leaves nothing behind.
-    drop(OutputFolder::create(&place, args.force)?);
+    let folder = OutputFolder::create(&place, args.force)?;
 
     progress("planning ...");
     let answer = solve(args, &problem, seed, &mut budget);
@@ -86,23 +85,22 @@ pub fn run(args: &PlanArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
 
     check(&problem, objective(args), &answer)?;
     if let (true, Some(way)) = (args.local, path_of(&answer)) {
-        return plan_local::run(args, &source, &problem, way, times.total_s, &place);
+        return plan_local::run(args, &source, &problem, way, times.total_s, folder);
     }
     let rows = path_of(&answer).map(|path| plan_rows(&problem, path));
-    let folder = OutputFolder::create(&place, args.force)?;
     let summary = summary(args, &source, &problem, &answer, rows.as_ref());
     folder.write("plan.json", &format!("{summary:#}\n"))?;
     write_files(args, &folder, &source, &problem, &answer, rows.as_ref(), &times)?;
     let place = folder.finish()?;
-    if args.json {
+    let told = if args.json {
         let mut printed = summary;
         printed["first_plan_wall_s"] = times.first_s.into();
         printed["wall_s"] = times.total_s.into();
         printed["folder"] = place.display().to_string().into();
-        print(&format!("{printed}\n"))?;
+        print(&format!("{printed}\n"))
     } else {
-        print(&table(args, &source, &problem, &answer, rows.as_ref(), Some(&times)))?;
-    }
+        print(&table(args, &source, &problem, &answer, rows.as_ref(), Some(&times)))
+    };
     for warning in rows.iter().flat_map(|rows| torque_warnings(&problem, rows)) {
         tell_line!("{warning}");
     }
@@ -111,6 +109,7 @@ pub fn run(args: &PlanArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
         tell_line!("no plan: {reason}\n  remedy: {remedy}");
     }
     tell_line!("wrote {}", place.display());
+    told?;
     Ok(if refused.is_some() { Outcome::NotAchieved } else { Outcome::Achieved })
 }
 

@@ -13,7 +13,6 @@ use crate::flight_log::{nanoseconds, push_numbers, push_pose, push_wrench, time_
 use crate::output::OutputFolder;
 use crate::scenario::{LocalTable, PlanTable, PlanningProblem, ScenarioSource};
 use serde_json::{Value, json};
-use std::path::Path;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_lie::{Pose, Wrench};
 use tumble_planning::ArcPath;
@@ -57,7 +56,7 @@ pub(super) fn run(
     problem: &PlanningProblem,
     way: &ArcPath,
     way_wall_s: f64,
-    place: &Path,
+    folder: OutputFolder,
 ) -> Result<Outcome, TumbleError> {
     let local = source.local_problem(problem)?;
     let start = Kinematics {
@@ -77,23 +76,23 @@ pub(super) fn run(
     let budget_ended = budget.is_over;
     let report = Report { source, task: &task, segment: &segment, flown: &flown, is_goal, budget_ended };
     let summary = report.summary();
-    let folder = OutputFolder::create(place, args.force)?;
     write_files(&folder, &report, &summary, way_wall_s)?;
     let place = folder.finish()?;
-    if args.json {
+    let told = if args.json {
         let mut printed = summary;
         printed["wall_s"] = segment.wall_s.into();
         printed["way_wall_s"] = way_wall_s.into();
         printed["folder"] = place.display().to_string().into();
-        print(&format!("{printed}\n"))?;
+        print(&format!("{printed}\n"))
     } else {
-        print(&report.table(Some(way_wall_s)))?;
-    }
+        print(&report.table(Some(way_wall_s)))
+    };
     let refused = report.refusal();
     if let Some((reason, remedy)) = &refused {
         tell_line!("no plan: {reason}\n  remedy: {remedy}");
     }
     tell_line!("wrote {}", place.display());
+    told?;
     Ok(if refused.is_some() { Outcome::NotAchieved } else { Outcome::Achieved })
 }
 

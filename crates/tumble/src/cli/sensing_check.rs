@@ -2,7 +2,7 @@
 
 use super::identify_log::ROWS_IN_MEMORY;
 use super::identify_options::TimingName;
-use super::{Outcome, log_files, named_together, paths_of, print};
+use super::{Outcome, by_name, log_files, named_together, paths_of, print};
 use crate::TumbleError;
 use crate::output::{OutputFolder, RUN_RECORD};
 use crate::page::Page;
@@ -50,29 +50,28 @@ pub struct CheckArgs {
 /// # Errors
 /// [`TumbleError`] for bad input.
 pub(super) fn run(args: &CheckArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
-    if let Some(path) = &args.out {
-        OutputFolder::check_place(path, args.force)?;
-    }
+    let folder = args.out.as_deref().map(|path| OutputFolder::create(path, args.force)).transpose()?;
     let stated = args.sensing.as_deref().map(|name| super::named_sensing::find(name, robots)).transpose()?;
     let record = read(args, robots)?;
     let found = check(&record, args.wrench.into())?;
     let contradictions = found.contradictions(stated.as_ref());
     let text = serde_json::to_string(&object(&found, &contradictions))
         .map_err(|error| FormatsError::BadToml { path: PathBuf::from("sensing.json"), message: error.to_string() })?;
-    if args.json {
-        print(&format!("{text}\n"))?;
-    } else {
-        print(&table(&found, &contradictions))?;
+    let told = if args.json { print(&format!("{text}\n")) } else { print(&table(&found, &contradictions)) };
+    if let Some(folder) = folder {
+        write(args, folder, &found, &text)?;
     }
-    if let Some(path) = &args.out {
-        write(args, path, &found, &text)?;
-    }
+    told?;
     Ok(if found.tells() { Outcome::Achieved } else { Outcome::NotAchieved })
 }
 
 fn read(args: &CheckArgs, robots: &Robots) -> Result<Vec<MotionSample>, TumbleError> {
     let files = log_files(&args.logs)?;
-    let mut reader = SampleReader::open_all(&paths_of(&files), args.reorder, args.robot.as_deref(), robots)?;
+    rows(args, &paths_of(&files), robots).map_err(|error| by_name(&files, error))
+}
+
+fn rows(args: &CheckArgs, paths: &[PathBuf], robots: &Robots) -> Result<Vec<MotionSample>, TumbleError> {
+    let mut reader = SampleReader::open_all(paths, args.reorder, args.robot.as_deref(), robots)?;
     let mut record = Vec::new();
     if reader.read_chunk(&mut record, ROWS_IN_MEMORY)? {
         tell_line!("warning: the first {ROWS_IN_MEMORY} rows are looked at, not those behind");
@@ -86,8 +85,7 @@ fn read(args: &CheckArgs, robots: &Robots) -> Result<Vec<MotionSample>, TumbleEr
     Ok(record)
 }
 
-fn write(args: &CheckArgs, path: &std::path::Path, found: &SensingCheck, text: &str) -> Result<(), TumbleError> {
-    let folder = OutputFolder::create(path, args.force)?;
+fn write(args: &CheckArgs, folder: OutputFolder, found: &SensingCheck, text: &str) -> Result<(), TumbleError> {
     folder.write("sensing.json", text)?;
     if !found.attitude_errors.is_empty() {
         let curve = |(axis, name): (usize, &'static str)| -> (_, Vec<[f64; 2]>) {

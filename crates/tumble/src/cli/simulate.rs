@@ -84,10 +84,7 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     let mut flight = source.flight()?;
     let (name, seed) = (source.scenario.name.clone(), source.scenario.seed);
     let place = match &args.out {
-        Some(path) => {
-            OutputFolder::check_place(path, args.force)?;
-            path.clone()
-        }
+        Some(path) => path.clone(),
         None => unused(&Path::new("tumble-out").join(format!("simulate-{name}-{seed}"))),
     };
     let folder = OutputFolder::create(&place, args.force)?;
@@ -131,29 +128,36 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     Page::chart_files(&folder, &charts)?;
     folder.write("report.html", &simulate_page::page(&source, &flight, &flown, rows, &charts, &summary)?)?;
     let place = folder.finish()?;
-    if args.json {
+    let told = if args.json {
         let mut printed = summary;
         printed["speed_over_real_time"] = speed.into();
         printed["folder"] = place.display().to_string().into();
-        print(&format!("{printed}\n"))?;
+        print(&format!("{printed}\n"))
     } else {
-        print(&table(&source, &flight, &flown, rows, left_out, speed)?)?;
-    }
+        print(&table(&source, &flight, &flown, rows, left_out, speed)?)
+    };
+    let outcome = ended(&place, &flight, rows, left_out);
+    told?;
+    Ok(outcome)
+}
+
+/// Says where the result is, and whether it is as it should be.
+fn ended(place: &Path, flight: &Flight, rows: u64, left_out: u64) -> Outcome {
     if rows == 0 {
         tell_line!(
             "wrote {}; not as it should be: the log holds no row, since no estimate of the {left_out} or none at all arrived in time; \
              fly longer, or correct `sensing`",
             place.display()
         );
-        return Ok(Outcome::NotAchieved);
+        return Outcome::NotAchieved;
     }
-    say_next(&place, &flight);
+    say_next(place, flight);
     let violations: Vec<&TimedEvent> =
         flight.simulator.events().iter().filter(|event| event.event.is_violation()).collect();
-    let Some(first) = violations.first() else { return Ok(Outcome::Achieved) };
+    let Some(first) = violations.first() else { return Outcome::Achieved };
     let more = if violations.len() > 1 { format!(" ({} such events)", violations.len()) } else { String::new() };
     tell_line!("not as it should be: {} at {:.3} s{more}", first.event, seconds(first));
-    Ok(Outcome::NotAchieved)
+    Outcome::NotAchieved
 }
 
 /// The log as `tumble convert` writes it, the world and the robot.

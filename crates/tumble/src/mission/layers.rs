@@ -5,16 +5,17 @@ use crate::scenario::{ComputingSettings, MissionProblem, UnknownsName};
 use tumble_astrobee::control_presets::{self, ControlLimits};
 use tumble_astrobee::planning_presets::{EXPONENTIAL_WEIGHTING, STEP_WEIGHTING};
 use tumble_astrobee::simulator::CONTROL_PERIOD_S;
+use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3, Vector6};
-use tumble_dynamics::{AlignedBox, RigidBodyState, World};
+use tumble_dynamics::{AlignedBox, InertialParameters, RigidBodyState, World};
 use tumble_identification::recursive::{
     FlightEstimator, FlightEstimatorSettings, GaussMarkov, LearningTargets, WrenchErrors,
 };
 use tumble_lie::LieGroup;
 use tumble_planning::collision::{BodyShape, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::{
-    AttitudeController, AttitudeLaw, AttitudeSpan, AxisSensing, Corrections, TrackedPoint, TubeController,
-    TubeDisturbance, TubeSettings,
+    AttitudeController, AttitudeGains, AttitudeLaw, AttitudeSpan, AxisSensing, Corrections, TrackedPoint,
+    TubeController, TubeDisturbance, TubeSettings,
 };
 use tumble_planning::local::{
     CovarianceWeighting, ExponentialWeighting, FixedWeighting, Hull, InformationWeighting, PlanarBodyModel,
@@ -50,6 +51,10 @@ const MATERIAL: f64 = 0.15;
 const FASTER: f64 = 1.15;
 /// Natural frequencies of rotation and position of what follows a way, for what deviations from it cost, rad/s.
 pub(super) const TRACKER_RAD_S: [f64; 2] = [0.6, 0.5];
+/// Largest moment of inertia and mass that the usual weights of a stretch and gains of the attitude are for, kg m^2 and kg.
+const LARGEST_USUAL: [f64; 2] = [2.0, 60.0];
+/// Moment of inertia whose usual gains a larger body has in proportion, kg m^2.
+const OF_GAINS_KG_M2: f64 = 0.2;
 /// Share of the rate limit that plans use.
 const RATE_SHARE: f64 = 0.6;
 
@@ -142,6 +147,24 @@ fn wander_per_s(problem: &MissionProblem) -> [f64; 4] {
     [walk(&slow.position), velocity, walk(&slow.attitude), turned + slow.rate_bias_walk * slow.rate_bias_walk]
 }
 
+/// Mean moment of inertia about the centre of mass, kg m^2.
+fn moment(body: &InertialParameters<f64>) -> f64 {
+    body.inertia_about_com().trace() / 3.0
+}
+
+/// Gains of the attitude for a body as believed.
+pub(super) fn attitude_gains(place: WorldPreset, body: &InertialParameters<f64>) -> AttitudeGains {
+    let usual = control_presets::rattle_attitude_gains(place);
+    let times = if moment(body) > LARGEST_USUAL[0] { moment(body) / OF_GAINS_KG_M2 } else { 1.0 };
+    AttitudeGains { stiffness_n_m: times * usual.stiffness_n_m, damping_n_m_s: times * usual.damping_n_m_s }
+}
+
+/// Weights of squared torque and force: what a body of the size that [`StretchSettings`] are for is accelerated by costs the same of a larger one.
+fn effort(body: &InertialParameters<f64>) -> [f64; 2] {
+    let size = [moment(body), body.mass];
+    [0, 1].map(|k| (LARGEST_USUAL[k] / size[k]).min(1.0).powi(2))
+}
+
 /// The planner of stretches.
 ///
 /// # Errors
@@ -169,6 +192,7 @@ pub fn stretch_planner(
         thrusters: problem.thrusters,
         rate_axes: problem.slow.rate_axes,
         margin_m: problem.margins_m.stretch,
+        effort: effort(&problem.prior.parameters),
         ..usual
     };
     let torque = problem.torque_limit_n_m * problem.plan_torque_share;
@@ -268,7 +292,7 @@ pub fn tube_controllers(
         let body = belief.parameters();
         let attitude = AttitudeController {
             law: AttitudeLaw::Geometric,
-            gains: control_presets::rattle_attitude_gains(place),
+            gains: attitude_gains(place, body),
             body: *body,
             torque_limit_n_m: limits.torque_n_m,
         };

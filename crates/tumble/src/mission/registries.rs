@@ -1,7 +1,7 @@
 //! The layers of a mission by name: one list each for the command line, scenario files, JSON and documents.
 
 use super::layer_names::{CONTROLLER, ESTIMATOR, LOCAL_PLANNER, LayerNames, PLANNER, WrittenNames};
-use super::layers::{TRACKER_RAD_S, estimator, estimator_settings, stretch_planner, tube_controllers};
+use super::layers::{TRACKER_RAD_S, attitude_gains, estimator, estimator_settings, stretch_planner, tube_controllers};
 use super::weighting::WeightingChoice;
 use crate::added::Added;
 use crate::scenario::{FLOWN, MissionProblem, PlanningProblem, TRACKER};
@@ -144,7 +144,7 @@ impl ControlledBody {
     fn attitude(&self, law: AttitudeLaw) -> AttitudeController {
         AttitudeController {
             law,
-            gains: control_presets::rattle_attitude_gains(self.place),
+            gains: attitude_gains(self.place, &self.body),
             body: self.body,
             torque_limit_n_m: self.limits.torque_n_m,
         }

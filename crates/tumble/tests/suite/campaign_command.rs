@@ -160,6 +160,20 @@ fn layers_are_those_of_the_options_or_else_of_the_scenario() {
     }
 }
 
+/// A table that is a device or a pipe has no end.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_table_without_end_is_refused() {
+    let folder = scratch("endless");
+    succeed(&folder, &["campaign", "--missions", "2", "--dry-run", "--shard", "0/1", "--out", "parts"]);
+    let rows = folder.join("parts/part-0-of-1/rows.csv");
+    fs::remove_file(&rows).unwrap();
+    std::os::unix::fs::symlink("/dev/zero", &rows).unwrap();
+    let merged = tumble_in(&folder, &["campaign", "merge", "parts", "--out", "whole"]);
+    assert_eq!(merged.status.code(), Some(2), "{}", stderr(&merged));
+    assert!(stderr(&merged).contains("a pipe or a device, where a file is needed"), "{}", stderr(&merged));
+}
+
 #[test]
 fn the_command_of_a_row_flies_the_same_mission() {
     let folder = scratch("replay");

@@ -166,7 +166,13 @@ fn a_designed_motion_keeps_the_limits_of_the_model() {
     }
     assert!(fastest <= 0.12 && fastest > 0.11, "{fastest}");
     assert_eq!(tumble(&arguments).status.code(), Some(2), "an existing file is kept");
-    let found = tumble(&["arm", "excite", "ur10e"]);
+    let embedded = tumble(&["arm", "excite", "ur10e", "--trials", "20"]);
+    assert_eq!(embedded.status.code(), Some(0), "{}", String::from_utf8_lossy(&embedded.stderr));
+    let unlimited = folder.join("unlimited.toml");
+    let shown = String::from_utf8(tumble(&["arm", "show", "ur10e", "--as", "toml"]).stdout).unwrap();
+    let without: Vec<&str> = shown.lines().filter(|line| !line.starts_with("rate = ")).collect();
+    std::fs::write(&unlimited, without.join("\n")).unwrap();
+    let found = tumble(&["arm", "excite", unlimited.to_str().unwrap()]);
     assert_eq!(found.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&found.stderr).contains("no limit of its rate"));
     std::fs::remove_dir_all(folder).unwrap();

@@ -810,6 +810,23 @@ fn a_log_is_read_however_it_comes() {
     #[cfg(target_os = "linux")]
     assert_eq!(answer(&piped("/dev/stdin", text.as_bytes())), wanted);
 
+    // What is wrong with a packed or piped log is said of it, not of a copy.
+    let wrong =
+        text.lines().map(|line| if line.starts_with("0.1") { "0.1,?" } else { line }).collect::<Vec<_>>().join("\n");
+    assert_ne!(wrong, text.trim_end());
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    std::io::Write::write_all(&mut packed, wrong.as_bytes()).unwrap();
+    let path = folder.join("wrong.csv.gz");
+    fs::write(&path, packed.finish().unwrap()).unwrap();
+    for command in [&["identify"][..], &["sensing", "check"], &["convert"]] {
+        let out = folder.join("wrong.tum");
+        let arguments =
+            [command, &[path.to_str().unwrap()], &[out.to_str().unwrap()][..usize::from(command[0] == "convert")]];
+        let output = tumble(&arguments.concat());
+        assert!(stderr(&output).contains("wrong.csv.gz, line "), "{command:?}: {}", stderr(&output));
+    }
+    assert!(stderr(&piped("-", wrong.as_bytes())).contains(": -, line "), "{}", stderr(&piped("-", wrong.as_bytes())));
+
     let wide = folder.join("wide.csv");
     fs::write(&wide, text.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>()).unwrap();
     fs::write(&wide, [&[0xff, 0xfe][..], &fs::read(&wide).unwrap()].concat()).unwrap();

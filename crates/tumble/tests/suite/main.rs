@@ -21,6 +21,7 @@ mod fly_command;
 mod identify_arm_command;
 mod identify_command;
 mod identify_recordings;
+mod kept_results;
 mod mission_report;
 mod plan_command;
 mod plan_local_command;

@@ -37,8 +37,9 @@ fn expanded(word: &str, folder: &Path) -> Vec<String> {
 
 #[test]
 fn every_line_that_calls_the_program_runs_when_pasted() {
-    let ran = paste(README, "cargo run --release -- ", &scratch("pasted"));
-    assert!(ran >= 18, "{ran}");
+    let folder = scratch("pasted");
+    let ran = ["cargo run --release -- ", "tumble "].map(|program| paste(README, program, &folder));
+    assert!(ran[0] >= 2 && ran[1] >= 18, "{ran:?}");
 }
 
 /// Blocks of other languages hold lines that take long or ask for files of one's own.

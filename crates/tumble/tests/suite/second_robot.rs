@@ -180,6 +180,74 @@ fn its_estimator_learns_its_own_thrusters() {
     assert_eq!(thrusters(&MISSION.replace("kite-jets", "exact")), [ErringThruster::NONE; 12]);
 }
 
+/// A body of another size, how far its forces act, and what they are: mass (kg), moment of inertia (kg m^2), radius (m), force (N), torque (N m).
+fn mission_of([mass, moment, radius_m, force, torque]: [f64; 5]) -> String {
+    let tensor = |moment: f64| format!("[[{moment}, 0.0, 0.0], [0.0, {moment}, 0.0], [0.0, 0.0, {moment}]]");
+    let (payload, arm_m) = (0.1 * mass, 0.3 * radius_m);
+    format!(
+        r#"format = 1
+name = "any-size"
+world = "open"
+duration_s = 150.0
+robot_radius_m = {radius_m}
+
+[body]
+mass_kg = {mass}
+inertia_about_com_kg_m2 = {}
+
+[payload]
+mass_kg = {payload}
+inertia_about_com_kg_m2 = {}
+grasp_position_m = [{arm_m}, {}, 0.0]
+
+[start]
+position_m = [0.0, 0.0, 0.0]
+
+[goal]
+position_m = [2.0, 0.5, -0.3]
+
+[plan]
+position_lower_m = [-3.0, -3.0, -3.0]
+position_upper_m = [5.0, 4.0, 3.0]
+speed_limit_m_s = [0.05, 0.05, 0.05]
+margin_m = 0.03
+
+[propulsion]
+kind = "exact"
+
+[sensing]
+preset = "ideal"
+
+[fly]
+mass_interval_share = [0.5, 2.0]
+force_limit_n = [{force}, {force}, {force}]
+torque_limit_n_m = [{torque}, {torque}, {torque}]
+"#,
+        tensor(moment),
+        tensor(0.02 * moment),
+        -0.6 * arm_m,
+    )
+}
+
+/// A satellite thirty times as heavy as Astrobee, and one a tenth of it: their plans and controllers are of their size.
+#[test]
+fn robots_of_other_sizes_arrive() {
+    let folder = scratch("sizes");
+    for (size, slowest_s) in [([300.0, 70.0, 0.8, 5.0, 1.0], 75.0), ([1.0, 0.0018, 0.06, 0.05, 0.002], 60.0)] {
+        let scenario = folder.join(format!("{}.toml", size[0]));
+        fs::write(&scenario, mission_of(size)).unwrap();
+        for controller in ["tube", "lqr"] {
+            let out = folder.join(format!("{controller}-{}", size[0]));
+            let arguments = ["fly", scenario.to_str().unwrap(), "--controller", controller, "--out"];
+            assert_eq!(own(&[&arguments[..], &[out.to_str().unwrap()]].concat()), ExitCode::SUCCESS, "{size:?}");
+            let summary = json(&out.join("summary.json"));
+            let after_s = summary["mission_s"].as_f64().unwrap();
+            assert!(after_s < slowest_s, "{size:?}, {controller}: {after_s} s");
+            assert_eq!(summary["doubts"].as_array().map(Vec::len), Some(0), "{summary}");
+        }
+    }
+}
+
 #[test]
 fn it_flies_missions_and_has_its_campaign_and_report() {
     let folder = scratch("hops");
