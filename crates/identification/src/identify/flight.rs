@@ -22,6 +22,8 @@ const COLOURED: f64 = 2.0;
 /// Misfit of levels below which colour is of no consequence.
 const VISIBLE: f64 = 1e-4;
 
+/// A shorter log on a table says by windows what nothing confirms, s: half a minute of a real one is off by up to five standard deviations.
+const SHORTEST_S: f64 = 55.0;
 /// Masses further apart than so many joint standard deviations are not of one body.
 const APART: f64 = 2.5;
 
@@ -62,10 +64,15 @@ pub(super) fn most_likely(
     }
     // A table has what no white error of the wrench describes.
     let Some(weak) = estimator.weak_form(record)? else { return Ok(found) };
-    let weak = Identification { method: WEAK_FORM, ..identification(&weak, record, timeline, plan)? };
+    let mut weak = Identification { method: WEAK_FORM, ..identification(&weak, record, timeline, plan)? };
+    if timeline.duration_s() < SHORTEST_S {
+        weak.verdict = Verdict::Doubtful(Why::StandIn);
+    }
     let Some(found) = found else { return Ok(Some(weak)) };
     let agrees = found.verdict.is_identified() && !are_apart(&found, &weak);
-    Ok(Some(if weak.verdict.is_identified() && !agrees { weak } else { found }))
+    let is_better = weak.verdict.is_identified() && !agrees;
+    // What thrusters leave on a table no white error of theirs describes.
+    Ok(Some(if is_better || estimator.thrusters.is_some() { weak } else { found }))
 }
 
 /// Whether the masses that two ways come to are further apart than both allow.

@@ -36,6 +36,13 @@ impl Timeline {
         self.times_ns.len()
     }
 
+    pub(super) fn duration_s(&self) -> f64 {
+        self.times_ns
+            .first()
+            .zip(self.times_ns.last())
+            .map_or(0.0, |(first, last)| last.saturating_sub(*first) as f64 * 1e-9)
+    }
+
     pub(super) fn median_step_s(&self) -> f64 {
         self.median_ns * 1e-9
     }

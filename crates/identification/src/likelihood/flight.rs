@@ -155,7 +155,12 @@ impl FlightLikelihood {
             if freed.len() >= thrusters.len() / 2 {
                 return Ok((found, joint));
             }
+            let healthy = thrusters.clone();
             thrusters.free(suspect);
+            let told = Self { thrusters: Some(healthy), ..of.clone() };
+            if planar && told.weak_form_as_told(record)?.is_some() && !of.leaves_less_than(&told, record)? {
+                return Ok((found, joint));
+            }
             freed.push(suspect);
             of.start = found.parameters;
         }

@@ -68,7 +68,7 @@ impl FlightLikelihood {
             left_per_row = left / found.rows.max(1) as f64;
             here = found;
         }
-        if left_per_row > EXPLAINED {
+        if left_per_row > EXPLAINED || planar && !freed.is_empty() && !self.leaves_less_than(&told, record)? {
             *self = told;
             freed.clear();
         }

@@ -24,6 +24,9 @@ const FEWEST_SAMPLES: usize = 20;
 /// What this many windows side by side leave is alike; so many of these stretches at least.
 const ALONE: usize = 1;
 const FEWEST_CLUSTERS: usize = 12;
+/// So many before their halves are compared: on a real table masses of half a minute are up to six of their standard deviations apart where those of a minute
+/// are right, for what acts beside the wrench comes and goes with the places that the body visits.
+const FEWEST_TO_HALVE: usize = 64;
 /// A longer window may differ by so many of its standard deviations.
 const AGREE: f64 = 3.0;
 /// Delays are tried at this distance, s, or at half a step, and up to so many standard deviations.
@@ -34,6 +37,9 @@ const KNOWN_S: f64 = 1e-6;
 const ROUNDS: usize = 6;
 /// Change of a table's slope along it, as acceleration: a tenth of a millimetre per metre and metre, 1/s^2.
 const UNEVEN: f64 = 1e-3;
+/// Thrusters that are freed have to leave less than this share of what is left otherwise: a thruster of twelve that gives 0.7 of its thrust on a table that
+/// is even leaves three times as much in windows of 2.5 s, and what healthy ones seemed to be to blame for on a real one at most twice.
+const LEFT: f64 = 0.45;
 /// Residuals beyond this, in standard deviations, weigh less.
 const HUBER: f64 = 1.5;
 const ITERATIONS: usize = 30;
@@ -414,6 +420,21 @@ impl Table<'_> {
         [moving, turning]
     }
 
+    /// By windows of each length that fits, with the delay that each finds.
+    fn found(&self) -> Vec<(f64, f64, Planar)> {
+        let span_s = self.times.last().copied().unwrap_or_default();
+        let step_s = span_s / (self.measured.len().max(2) - 1) as f64;
+        let fits = |window_s: &f64| {
+            *window_s * (ALONE * FEWEST_CLUSTERS) as f64 <= span_s && *window_s >= FEWEST_SAMPLES as f64 * step_s
+        };
+        let of = |window_s: f64| {
+            let delay_s = self.delay_s(window_s)?;
+            let [moving, turning] = self.equations(window_s, delay_s, self.of.sensing.pose_delay.sigma_s);
+            Some((window_s, delay_s, Planar::of(&moving, &turning)?))
+        };
+        WINDOWS_S.into_iter().filter(fits).filter_map(of).collect()
+    }
+
     fn yaw_at(&self, time_s: f64) -> f64 {
         let after = self.times.partition_point(|t| *t <= time_s).clamp(1, self.times.len() - 1);
         let (a, b) = (self.times[after - 1], self.times[after]);
@@ -463,19 +484,25 @@ impl FlightLikelihood {
         Ok(found)
     }
 
-    fn weak_form_as_told(&self, record: &[MotionSample]) -> Result<Option<FlightEstimate>, IdentificationError> {
-        let table = Table::of(self, record)?;
-        let span_s = table.times.last().copied().unwrap_or_default();
-        let step_s = span_s / (table.measured.len().max(2) - 1) as f64;
-        let fits = |window_s: &&f64| {
-            **window_s * (ALONE * FEWEST_CLUSTERS) as f64 <= span_s && **window_s >= FEWEST_SAMPLES as f64 * step_s
-        };
-        let mut found: Vec<(f64, f64, Planar)> = Vec::new();
-        for &window_s in WINDOWS_S.iter().filter(fits) {
-            let Some(delay_s) = table.delay_s(window_s) else { continue };
-            let [moving, turning] = table.equations(window_s, delay_s, self.sensing.pose_delay.sigma_s);
-            found.extend(Planar::of(&moving, &turning).map(|planar| (window_s, delay_s, planar)));
+    /// Whether windows leave less of the motion by so much that what was freed is to blame for it; also where windows say nothing. What acts on a table
+    /// beside the wrench looks like thrusters that fail to a likelihood of white errors, and is left all the same by whatever they give.
+    pub(super) fn leaves_less_than(&self, other: &Self, record: &[MotionSample]) -> Result<bool, IdentificationError> {
+        let [here, there] = [self, other].map(|of| Table::of(of, record).map(|table| table.found()));
+        let (here, there) = (here?, there?);
+        let mut least: Option<f64> = None;
+        for (window_s, _, planar) in &there {
+            let same = here.iter().find(|(other_s, ..)| other_s == window_s);
+            let left = |planar: &Planar| 2.0 * planar.moving.scale.ln() + planar.turning.scale.ln();
+            let ratio = same.map(|(_, _, freed)| ((left(freed) - left(planar)) / 3.0).exp());
+            least = ratio.map(|ratio| least.map_or(ratio, |least| least.min(ratio))).or(least);
         }
+        Ok(least.is_none_or(|least| least < LEFT))
+    }
+
+    /// The same where nothing is freed: none where windows leave nothing but what is of the poses.
+    pub(super) fn weak_form_as_told(&self, record: &[MotionSample]) -> Result<Option<FlightEstimate>, IdentificationError> {
+        let table = Table::of(self, record)?;
+        let found = table.found();
         let agrees = |at: usize| {
             found.iter().skip(at + 1).all(|(_, _, longer)| {
                 let apart = longer.value - found[at].2.value;
@@ -497,7 +524,7 @@ impl FlightLikelihood {
         let (window_s, delay_s, planar) = &found[at];
         let [moving, turning] = table.equations(*window_s, *delay_s, self.sensing.pose_delay.sigma_s);
         let stretches = moving.cluster.iter().max().map_or(0, |last| last + 1);
-        let halves = if stretches < 4 * FEWEST_CLUSTERS {
+        let halves = if stretches < FEWEST_TO_HALVE {
             [None, None]
         } else {
             [false, true].map(|second| Planar::of(&moving.half(second), &turning.half(second)))
