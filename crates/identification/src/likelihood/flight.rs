@@ -22,6 +22,7 @@ mod tests;
 mod thrusters;
 mod tiles;
 mod told;
+mod undescribed;
 mod unit;
 mod weak_form;
 

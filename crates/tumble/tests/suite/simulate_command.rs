@@ -46,6 +46,20 @@ fn a_flight_is_identified_by_the_step_that_is_named_next() {
     assert!(page.contains("times as far apart as their σ predict"), "the page compares the two parts");
 }
 
+/// Rates that are averaged and filtered to a quarter of a second, which nobody tells: held in its place a robot moves so fast that their gain matters.
+#[test]
+fn a_filter_that_nobody_describes_is_in_the_sigma_of_the_inertia() {
+    let folder = scratch("undescribed");
+    let output =
+        tumble_in(&folder, &["simulate", "iss-hold", "--sensing", "bumble", "--seed", "78001", "--out", "held"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let found = json(&tumble_in(&folder, &["identify", "held/log.csv", "--reference", "held/truth.toml", "--json"]));
+    let errors = found["reference"]["error_over_sigma"].as_array().unwrap();
+    assert!(errors.iter().all(|z| z.as_f64().unwrap().abs() < 3.0), "{errors:?}");
+    let relative = |value: &Value| value[0][0].as_f64().unwrap();
+    assert!(relative(&found["std"]["inertia_about_com_kg_m2"]) < 0.02 * relative(&found["inertia_about_com_kg_m2"]));
+}
+
 /// Thrusts that are off by a percent look like another centre of mass where a mission pushes one way only: what is stated allows for it.
 #[test]
 fn a_mission_on_a_table_states_what_its_thrusts_may_hide() {

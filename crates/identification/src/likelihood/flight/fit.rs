@@ -354,6 +354,11 @@ impl<'a> Fit<'a> {
         self.of.sensing.velocity_delay.is_none()
     }
 
+    /// Rates as the sensors publish them of the motion that is found, before gain and bias.
+    pub(super) fn published_rates(&self) -> &[Vector3<f64>] {
+        &self.sweep.published[..self.segments * self.samples]
+    }
+
     pub(super) fn column_of(&self, parameter: usize) -> Option<usize> {
         self.free.iter().position(|column| *column == parameter)
     }

@@ -1,12 +1,12 @@
 //! What a fit says.
 
 use super::super::coordinates::Coordinates;
-use super::coherent;
 use super::fit::{FEWEST_SEGMENTS, Fit, solved, without_state};
 use super::grid::{ACCELERATION, RATE, STREAMS};
 use super::layout::BODY;
 use super::levels::FoundLevels;
 use super::thrusters::{FoundFactor, FoundThrusters};
+use super::{coherent, undescribed};
 use crate::SquareRootInformation;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -229,6 +229,7 @@ pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, I
     let coordinates = fit.coordinates();
     let (mut of_body, ten) = body_information(fit)?;
     let widened = coherent::widen(fit, &mut of_body)?;
+    let widened = undescribed::widen(fit, &covariance, &mut of_body, widened);
     let halves = halves(fit, widened.as_ref());
     let (determined, information) = determined(fit, &coordinates, &of_body, &ten)?;
     let of_plane = [0, 1, 2, 9];

@@ -491,7 +491,7 @@ impl FlightLikelihood {
         let (here, there) = (here?, there?);
         let mut least: Option<f64> = None;
         for (window_s, _, planar) in &there {
-            let same = here.iter().find(|(other_s, ..)| other_s == window_s);
+            let same = here.iter().find(|(other_s, ..)| other_s.total_cmp(window_s).is_eq());
             let left = |planar: &Planar| 2.0 * planar.moving.scale.ln() + planar.turning.scale.ln();
             let ratio = same.map(|(_, _, freed)| ((left(freed) - left(planar)) / 3.0).exp());
             least = ratio.map(|ratio| least.map_or(ratio, |least| least.min(ratio))).or(least);
@@ -500,7 +500,10 @@ impl FlightLikelihood {
     }
 
     /// The same where nothing is freed: none where windows leave nothing but what is of the poses.
-    pub(super) fn weak_form_as_told(&self, record: &[MotionSample]) -> Result<Option<FlightEstimate>, IdentificationError> {
+    pub(super) fn weak_form_as_told(
+        &self,
+        record: &[MotionSample],
+    ) -> Result<Option<FlightEstimate>, IdentificationError> {
         let table = Table::of(self, record)?;
         let found = table.found();
         let agrees = |at: usize| {
@@ -656,8 +659,8 @@ mod tests {
         Actuators { actuators: place.into_iter().zip(along).map(one).collect(), common }
     }
 
-    /// Valves of a body on an uneven table with air that drifts, seen by cameras with this noise, m; the answer of the weak form.
-    fn flown(seed: u64, pose_m: f64, drift_m_s2: f64) -> Option<FlightEstimate> {
+    /// Valves of a body on an uneven table with air that drifts, seen by cameras with this noise, m; one may be dead.
+    fn flight(seed: u64, pose_m: f64, drift_m_s2: f64, dead: Option<usize>) -> (FlightLikelihood, Vec<MotionSample>) {
         let (mut dice, actuators) = (Gaussian::from_seed(seed), valves());
         let (mut place, mut speed) = (Vector2::new(0.3, -0.2), Vector2::zeros());
         let (mut yaw, mut rate) = (0.4_f64, 0.0);
@@ -702,8 +705,9 @@ mod tests {
                 let told = &commands[8 * row..8 * row + 8];
                 let further = (told.iter().sum::<f64>() - 1.0).max(0.0);
                 let (mut force, mut torque) = (Vector2::zeros(), 0.0);
-                for (valve, told) in actuators.actuators.iter().zip(told) {
-                    let thrust = valve.thrust_n * told * (1.0 - SAG * further);
+                for (index, (valve, told)) in actuators.actuators.iter().zip(told).enumerate() {
+                    let gives = if dead == Some(index) { 0.0 } else { valve.thrust_n };
+                    let thrust = gives * told * (1.0 - SAG * further);
                     let along = Vector2::new(valve.direction[0], valve.direction[1]) * thrust;
                     force += along;
                     torque += (valve.position_m[0] - CENTER.0) * along.y - (valve.position_m[1] - CENTER.1) * along.x;
@@ -727,7 +731,28 @@ mod tests {
             plane: super::super::Plane::Planar,
             ..FlightLikelihood::default()
         };
+        (told, record)
+    }
+
+    fn flown(seed: u64, pose_m: f64, drift_m_s2: f64) -> Option<FlightEstimate> {
+        let (told, record) = flight(seed, pose_m, drift_m_s2, None);
         told.weak_form(&record).unwrap()
+    }
+
+    /// What acts on the table is left whatever a valve gives, what a dead valve does not give is not.
+    #[test]
+    fn valves_are_blamed_where_windows_confirm_it() {
+        for seed in 1..=2 {
+            for dead in [None, Some(2)] {
+                let (told, record) = flight(seed, 2e-4, 4e-4, dead);
+                for suspect in [2, 5] {
+                    let mut freed = told.clone();
+                    freed.thrusters.as_mut().unwrap().free(suspect);
+                    let is_to_blame = freed.leaves_less_than(&told, &record).unwrap();
+                    assert_eq!(is_to_blame, dead == Some(suspect), "seed {seed}, {dead:?}, {suspect}");
+                }
+            }
+        }
     }
 
     #[test]
