@@ -11,6 +11,8 @@ use nalgebra::Vector3;
 const RISE: f64 = 2.197_224_577_336_219_4;
 /// Length of a direction that is none.
 const NO_DIRECTION: f64 = 1e-9;
+/// Thrust that is later than this, s, or takes as long to rise, belongs to another command.
+const LATEST_S: f64 = 10.0;
 
 /// One thruster, valve or rotor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,6 +82,9 @@ impl Actuators {
         let not_negative = |what: &'static str, value: f64| {
             if value >= 0.0 && value.is_finite() { Ok(()) } else { refused(what, value) }
         };
+        let at_most = |what: &'static str, value: f64, most: f64| {
+            if value <= most { not_negative(what, value) } else { refused(what, value) }
+        };
         if self.actuators.is_empty() {
             return refused("number of thrusters", 0.0);
         }
@@ -98,11 +103,11 @@ impl Actuators {
             not_negative("standard deviation of a thruster's thrust", actuator.thrust_sigma)?;
         }
         let common = &self.common;
-        not_negative("standard deviation of the common scale", common.scale_sigma)?;
-        not_negative("standard deviation of the sag", common.sag_sigma)?;
-        not_negative("delay of the thrusters, s", common.delay_s)?;
-        not_negative("standard deviation of the thrusters' delay, s", common.delay_sigma_s)?;
-        not_negative("rise of the thrust, s", common.rise_s)?;
+        at_most("standard deviation of the common scale", common.scale_sigma, 1.0)?;
+        at_most("standard deviation of the sag", common.sag_sigma, 1.0)?;
+        at_most("delay of the thrusters, s", common.delay_s, LATEST_S)?;
+        at_most("standard deviation of the thrusters' delay, s", common.delay_sigma_s, LATEST_S)?;
+        at_most("rise of the thrust, s", common.rise_s, LATEST_S)?;
         not_negative("propellant spent, kg per N s", common.mass_flow_kg_per_n_s)
     }
 
@@ -261,6 +266,8 @@ mod tests {
         assert!(with(&|a| a.actuators[0].thrust_n = -1.0).contains("thrust"));
         assert!(with(&|a| a.actuators[0].thrust_sigma = f64::NAN).contains("deviation"));
         assert!(with(&|a| a.common.rise_s = -0.1).contains("rise"));
+        assert!(with(&|a| a.common.delay_s = 100.0).contains("delay"));
+        assert!(with(&|a| a.common.sag_sigma = 9.0).contains("sag"));
         let mut record = [MotionSample::default(), MotionSample { time_ns: 1, ..MotionSample::default() }];
         assert!(matches!(good.drive(&mut record, &[1.0]), Err(IdentificationError::RecordShape { .. })));
         assert!(good.drive(&mut record, &[1.0, -1.0]).is_err());

@@ -277,6 +277,9 @@ impl Sensing {
         let sigma = |what: &'static str, sigma: f64| {
             if sigma >= 0.0 && sigma.is_finite() { Ok(()) } else { refused(what, sigma) }
         };
+        // Beyond one a gain has no sign, and beyond a radian axes no names.
+        let share =
+            |what: &'static str, share: f64| if share <= 1.0 { sigma(what, share) } else { refused(what, share) };
         let slow = |errors: &LocalizationErrors, white: &'static str, slow: &'static str| {
             level(white, errors.white)?;
             match errors.wander.stated() {
@@ -299,8 +302,8 @@ impl Sensing {
         for triad in [&self.rate, &self.acceleration] {
             level("noise of the inertial unit", triad.white)?;
             sigma("length of an unknown filter, s", triad.unknown_filter_s)?;
-            sigma("error of scale of the inertial unit", triad.scale_sigma)?;
-            sigma("misalignment of the inertial unit, rad", triad.misalignment_sigma)?;
+            share("error of scale of the inertial unit", triad.scale_sigma)?;
+            share("misalignment of the inertial unit, rad", triad.misalignment_sigma)?;
             sigma("bias of the inertial unit", triad.bias_sigma)?;
             late(&triad.delay)?;
         }
@@ -347,6 +350,8 @@ mod tests {
         assert!(refused(|s| s.velocity.wander = Wander::Known { sigma: 1.0, time_s: 0.0 }).contains("time"));
         assert!(refused(|s| s.rate.bias_sigma = f64::NAN).contains("bias"));
         assert!(refused(|s| s.pose_delay.sigma_s = -0.1).contains("delay"));
+        assert!(refused(|s| s.acceleration.scale_sigma = 5.0).contains("scale"));
+        assert!(refused(|s| s.rate.misalignment_sigma = 2.0).contains("misalignment"));
         assert!(refused(|s| s.acceleration.delay.expected_s = f64::INFINITY).contains("delay"));
         assert!(refused(|s| s.lever_arm_body_m[1] = f64::NAN).contains("lever"));
     }

@@ -241,6 +241,8 @@ pub fn unused(base: &Path) -> PathBuf {
 pub struct OutputFolder {
     path: PathBuf,
     partial: PathBuf,
+    /// The folder above, where it was not there before.
+    made: Option<PathBuf>,
     force: bool,
     finished: bool,
 }
@@ -275,9 +277,11 @@ impl OutputFolder {
         if partial.exists() {
             fs::remove_dir_all(&partial).map_err(unwritable(&partial))?;
         }
+        let above = partial.parent().filter(|above| !above.as_os_str().is_empty() && !above.exists());
+        let made = above.map(Path::to_path_buf);
         fs::create_dir_all(&partial).map_err(unwritable(path))?;
         // Without a slash at the end, which would be doubled in the names of the files.
-        Ok(Self { path: path.components().collect(), partial, force, finished: false })
+        Ok(Self { path: path.components().collect(), partial, made, force, finished: false })
     }
 
     /// Where a picture named `name` is drawn before the folder is finished.
@@ -336,6 +340,8 @@ impl Drop for OutputFolder {
         if !self.finished {
             // Nothing more can be done about a folder that cannot be removed.
             let _ = fs::remove_dir_all(&self.partial);
+            // Where others have put something there meanwhile it stays.
+            let _ = self.made.as_ref().map(fs::remove_dir);
         }
     }
 }

@@ -338,6 +338,9 @@ pub(crate) fn verdict(found: &Identification, context: &Context) -> String {
         }
     } else if let (true, Verdict::Doubtful(why)) = (found.is_on_table(), found.verdict) {
         let said = match found.regularised {
+            Some(_) if why == Why::StandIn => "on a table what acts beside the wrench comes and goes with the places that the robot visits, and nothing in so short a log \
+                 confirms the numbers above: record a minute or more"
+                .to_owned(),
             Some(_) => doubt(why, "a quantity"),
             None => "the likelihood of a body on a table did not settle on this log".to_owned(),
         };

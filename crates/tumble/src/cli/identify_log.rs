@@ -18,6 +18,18 @@ use tumble_identification::{
     Pipeline, Plane, Settings, Validation, merge,
 };
 
+/// Methods that know of no table.
+const OF_FREE_BODIES: [&str; 9] = [
+    "newton-euler",
+    "variational",
+    "variational4",
+    "variational6",
+    MAXIMUM_LIKELIHOOD,
+    "rls",
+    "recursive-sdp",
+    "ekf",
+    "ukf",
+];
 /// Rows held in memory at once; a longer log is identified part by part and the parts' information added.
 pub(super) const ROWS_IN_MEMORY: usize = 200_000;
 /// Where rows come from that are in no file.
@@ -136,6 +148,14 @@ impl Log {
         let stated = told(args, robots, false)?;
         let mut reader = SampleReader::open_all(&args.logs(), args.reorder, args.robot.as_deref(), robots)?;
         let told = FlightLikelihood { plane: plane(args, reader.is_planar()), ..stated };
+        if told.plane == Plane::Planar && OF_FREE_BODIES.contains(&args.of_samples()) {
+            let message = format!(
+                "{} holds motion in a plane, and {} knows free bodies only: leave `--method` and `--estimate` out",
+                path.display(),
+                args.of_samples()
+            );
+            return Err(TumbleError::BadOption { message });
+        }
         tell!("{}", reader.contents());
         let mut record = Vec::new();
         let mut more = reader.read_chunk(&mut record, ROWS_IN_MEMORY)?;

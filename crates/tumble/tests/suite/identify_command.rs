@@ -615,6 +615,11 @@ fn a_log_of_the_table_answers_what_a_table_shows() {
     }
     let free = json(&tumble(&["identify", planar.to_str().unwrap(), "--no-planar", "--json"]));
     assert!(free["planar"].is_null(), "{free}");
+    for asked in [&["--method", "ekf"][..], &["--method", "variational"], &["--estimate", "delay"]] {
+        let refused = tumble(&[&["identify", planar.to_str().unwrap()], asked].concat());
+        assert_eq!(refused.status.code(), Some(2), "{asked:?}: {}", stderr(&refused));
+        assert!(stderr(&refused).contains("knows free bodies only"), "{asked:?}: {}", stderr(&refused));
+    }
 }
 
 #[test]
@@ -825,7 +830,11 @@ fn a_log_is_read_however_it_comes() {
         let output = tumble(&arguments.concat());
         assert!(stderr(&output).contains("wrong.csv.gz, line "), "{command:?}: {}", stderr(&output));
     }
-    assert!(stderr(&piped("-", wrong.as_bytes())).contains(": -, line "), "{}", stderr(&piped("-", wrong.as_bytes())));
+    assert!(
+        stderr(&piped("-", wrong.as_bytes())).contains(": standard-input, line "),
+        "{}",
+        stderr(&piped("-", wrong.as_bytes()))
+    );
 
     let wide = folder.join("wide.csv");
     fs::write(&wide, text.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>()).unwrap();
