@@ -19,6 +19,7 @@ use tumble_formats::Robots;
 use tumble_formats::actuator_file::ActuatorFile;
 use tumble_formats::body_file;
 use tumble_formats::log::{TEMPLATE, seconds};
+use tumble_identification::estimator::Verdict;
 use tumble_identification::harmonics::HarmonicEstimator;
 use tumble_identification::{
     FLIGHT_LIKELIHOOD, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Nuisances,
@@ -428,6 +429,11 @@ fn deliver(
         report::write_page(&folder, found, context, applied, trial, &json)?;
         folder.write(RUN_RECORD, &run_record(args, &context.source))?;
         tell_line!("wrote {}", folder.finish()?.join("report.html").display());
+    }
+    if matches!(found.verdict, Verdict::NoBodyExplains { .. }) {
+        tell_line!(
+            "note: where the robot grasped or released something meanwhile, `--split` looks for the parts of the log"
+        );
     }
     told?;
     Ok(if found.verdict.is_identified() { Outcome::Achieved } else { Outcome::NotAchieved })
