@@ -328,9 +328,10 @@ pub fn delay<const INPUTS: usize, const OUTPUTS: usize, const COVARIATES: usize>
     }
     let density = noise_density(&fit.residuals, reach);
     let sigma_s = deviation(&fit, &density, reach) * signals.step_s;
-    // The best shift must stand out from the ends of the range by more than the gains' freedom explains.
+    // The best shift must stand out from the ends of the range by more than the gains' freedom explains, at whatever frequency they are excited.
+    let loudest = loudest(&fit.residuals, reach);
     let gain = |misfit: &SVector<f64, OUTPUTS>| {
-        (0..OUTPUTS).filter(|&o| density[o] > 0.0).map(|o| (misfit[o] - fit.misfit[o]) / density[o]).sum::<f64>()
+        (0..OUTPUTS).filter(|&o| loudest[o] > 0.0).map(|o| (misfit[o] - fit.misfit[o]) / loudest[o]).sum::<f64>()
     };
     let chance = 10.0 + 5.0 * (2.0 * (INPUTS * OUTPUTS) as f64).sqrt();
     let seen = misfits.first().into_iter().chain(misfits.last()).all(|end| gain(end) > chance);
@@ -362,6 +363,21 @@ fn noise_density<const N: usize>(residuals: &[SVector<f64, N>], reach: usize) ->
         }
     }
     density
+}
+
+/// Sum of the sizes of the autocovariance, tapered likewise: no frequency has more noise power.
+fn loudest<const N: usize>(residuals: &[SVector<f64, N>], reach: usize) -> SVector<f64, N> {
+    let n = residuals.len();
+    let mut loudest = SVector::zeros();
+    for lag in 0..=reach.min(n - 1) {
+        let weight = if lag == 0 { 1.0 } else { 2.0 * (1.0 - lag as f64 / (reach + 1) as f64) };
+        let mut sum = SVector::<f64, N>::zeros();
+        for (a, b) in residuals.iter().zip(&residuals[lag..]) {
+            sum += a.component_mul(b);
+        }
+        loudest += sum.abs() * (weight / n as f64);
+    }
+    loudest
 }
 
 /// Weights of the outputs: one over their noise.

@@ -4,6 +4,7 @@ use crate::support::{json, number, scratch, stderr, tumble};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
+use tumble_identification::noise::Gaussian;
 
 /// A log of a body that swings about z and moves along x and y; poses show the motion of `age_s` ago. Columns that are not shown are blank.
 fn log(folder: &Path, size: f64, age_s: f64, shown: &str) -> PathBuf {
@@ -108,6 +109,27 @@ fn at_rest_there_are_levels_and_no_age() {
     let found = json(&output);
     assert!(found["streams"][0]["offset_s"].is_null() && found["streams"][1]["gain"].is_null(), "{found}");
     assert!(found["pose"]["position_white_m"].is_number(), "{found}");
+}
+
+/// Poses and wrenches that are noise alone: differentiated poses are loud where such wrenches are, and soft where motion would be.
+#[test]
+fn noise_of_a_wrench_at_rest_has_no_age() {
+    let folder = scratch("sensing-check-noise");
+    let (mut dice, path) = (Gaussian::from_seed(5), folder.join("log.csv"));
+    for _ in 0..3 {
+        let mut text = "t_s,p_x,p_y,p_z,q_x,q_y,q_z,q_w,f_x,f_y,f_z,tau_x,tau_y,tau_z\n".to_owned();
+        for k in 0..3000 {
+            let mut three = |sigma: f64| [0; 3].map(|_| sigma * dice.normal());
+            let ([x, y, z], [a, b, c], [fx, fy, fz], [tx, ty, tz]) =
+                (three(1e-3), three(5e-4), three(1e-2), three(1e-3));
+            let w = (1.0 - a * a - b * b - c * c).sqrt();
+            writeln!(text, "{:.2},{x},{y},{z},{a},{b},{c},{w},{fx},{fy},{fz},{tx},{ty},{tz}", 0.02 * f64::from(k))
+                .unwrap();
+        }
+        fs::write(&path, text).unwrap();
+        let found = json(&tumble(&["sensing", "check", path.to_str().unwrap(), "--json"]));
+        assert!(found["streams"][0]["offset_s"].is_null(), "{found}");
+    }
 }
 
 #[test]
