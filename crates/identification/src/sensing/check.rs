@@ -29,6 +29,7 @@ use crate::wrench_timing::WrenchTiming;
 use attitude::{Attitude, Poses};
 use levels::{Levels, Slow, Stream, Wander, white};
 use nalgebra::{SVector, UnitQuaternion, Vector3};
+use regression::MOST_LEFT;
 use translation::{Acceleration, View};
 use turned::{Turned, series};
 
@@ -309,7 +310,7 @@ fn of_wrench(record: &[MotionSample], timing: WrenchTiming, reference: Option<St
         correlation_length: all.correlation_length,
     };
     let found = delay(&turning, LARGEST_AGE_S).ok()?;
-    (found.verdict == crate::Verdict::Identifiable && found.sigma_s < 0.1)
+    (found.verdict == crate::Verdict::Identifiable && found.sigma_s < 0.1 && found.left < MOST_LEFT)
         .then_some(Found { value: found.delay_s, sigma: found.sigma_s })
 }
 

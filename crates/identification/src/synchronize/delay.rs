@@ -33,6 +33,8 @@ pub struct Delay {
     pub delay_s: f64,
     /// Its standard deviation, s.
     pub sigma_s: f64,
+    /// Share of what the outputs vary by, counted by their noise, that no input explains.
+    pub left: f64,
     /// Whether the signals were enough to tell.
     pub verdict: Verdict,
 }
@@ -289,6 +291,7 @@ pub fn delay<const INPUTS: usize, const OUTPUTS: usize, const COVARIATES: usize>
     let not_seen = |shift: f64| Delay {
         delay_s: shift * signals.step_s,
         sigma_s: f64::INFINITY,
+        left: 1.0,
         verdict: Verdict::NotIdentifiable,
     };
 
@@ -342,7 +345,15 @@ pub fn delay<const INPUTS: usize, const OUTPUTS: usize, const COVARIATES: usize>
     } else {
         Verdict::NotIdentifiable
     };
-    Ok(Delay { delay_s: shift * signals.step_s, sigma_s, verdict })
+    let loud = weights(&loudest);
+    let left = fit.misfit.dot(&loud) / variation(&signals.output[range.0..range.1], &loud).max(f64::MIN_POSITIVE);
+    Ok(Delay { delay_s: shift * signals.step_s, sigma_s, left, verdict })
+}
+
+/// Sum of the weighted squares of what outputs vary by.
+fn variation<const N: usize>(output: &[SVector<f64, N>], weights: &SVector<f64, N>) -> f64 {
+    let mean = output.iter().sum::<SVector<f64, N>>() / output.len().max(1) as f64;
+    output.iter().map(|o| (o - mean).component_mul(&(o - mean)).dot(weights)).sum()
 }
 
 /// Most Gauss-Newton steps; three serve.

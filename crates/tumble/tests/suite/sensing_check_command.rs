@@ -132,6 +132,22 @@ fn noise_of_a_wrench_at_rest_has_no_age() {
     }
 }
 
+/// Poses wander, and the robot with them: what they show is not what the rate shows of another time.
+#[test]
+fn where_a_controller_follows_the_poses_no_age_of_them_is_told() {
+    for scenario in ["iss-hold", "iss-cargo"] {
+        let folder = scratch(&format!("sensing-check-{scenario}"));
+        let flown = folder.join("flown");
+        let ended = tumble(&["simulate", scenario, "--seed", "1", "--out", flown.to_str().unwrap()]);
+        assert_eq!(ended.status.code(), Some(0), "{}", stderr(&ended));
+        let found = json(&tumble(&["sensing", "check", flown.join("log.csv").to_str().unwrap(), "--json"]));
+        for stream in found["streams"].as_array().unwrap() {
+            let untold = stream["name"] == "rate" || stream["name"] == "wrench" || stream["offset_s"].is_null();
+            assert!(untold, "{scenario}: {stream}");
+        }
+    }
+}
+
 #[test]
 fn a_log_that_tells_nothing_exits_with_3() {
     let folder = scratch("sensing-check-nothing");

@@ -124,7 +124,7 @@ impl Poses<'_> {
                 _ => by_turn.column(p - 7).into_owned(),
             });
             let changes = changes.map(|change| change.component_mul(&measured));
-            rows.push(self.times[i], residual.component_mul(&measured), &changes);
+            rows.push(self.times[i], LieGroup::log(&self.turn(i, j)), residual.component_mul(&measured), &changes);
         }
         rows
     }
@@ -161,10 +161,11 @@ impl Poses<'_> {
         let here = misfit(at.age);
         let rows = self.rows(turned, &pairs, &at).len() as f64;
         let unit = found.widening.powi(2);
-        let stands_out = [-FAR_S, FAR_S].iter().all(|away| {
-            let far = self.rows(turned, &pairs, &State { age: at.age + away, ..at });
-            far.misfit(&found.scale) * rows / (far.len() as f64).max(1.0) - here > SEEN * unit
-        });
+        let stands_out = found.explains
+            && [-FAR_S, FAR_S].iter().all(|away| {
+                let far = self.rows(turned, &pairs, &State { age: at.age + away, ..at });
+                far.misfit(&found.scale) * rows / (far.len() as f64).max(1.0) - here > SEEN * unit
+            });
         let value = |i: usize, value: f64| {
             (stands_out && found.sigma[i] < KNOWN * PRIORS[i]).then_some(Found { value, sigma: found.sigma[i] })
         };

@@ -10,6 +10,9 @@ const ROUNDS: usize = 5;
 const STUDENT: f64 = 4.0;
 /// Standard deviation of a normal variable over the median of its size.
 const DEVIATION_OF_MEDIAN: f64 = 1.4826;
+/// Share of what one stream shows that another may leave where it tells an age, a gain or a lever: a controller that holds a body makes it follow the
+/// errors of what is measured, which then look like motion of another time.
+pub(super) const MOST_LEFT: f64 = 0.1;
 /// Residuals of an axis below this share of the largest axis are no measurement.
 const EXACT: f64 = 1e-9;
 
@@ -34,6 +37,7 @@ pub(super) struct Rows {
     times: Vec<f64>,
     residuals: Vec<Vector3<f64>>,
     design: Vec<Vector3<f64>>,
+    seen: Vec<Vector3<f64>>,
 }
 
 /// The best step from where the rows were made.
@@ -44,16 +48,19 @@ pub(super) struct Solution {
     pub(super) scale: Vector3<f64>,
     /// How much wider the first parameter's standard deviation is than with independent residuals.
     pub(super) widening: f64,
+    /// The rows explain what was seen, so that they do not answer to its errors.
+    pub(super) explains: bool,
 }
 
 impl Rows {
     pub(super) fn new(parameters: usize) -> Self {
-        Self { parameters, times: Vec::new(), residuals: Vec::new(), design: Vec::new() }
+        Self { parameters, times: Vec::new(), residuals: Vec::new(), design: Vec::new(), seen: Vec::new() }
     }
 
-    /// A row at a time: what is left, which is these changes times the step, and noise.
-    pub(super) fn push(&mut self, time_s: f64, residual: Vector3<f64>, changes: &[Vector3<f64>]) {
+    /// A row at a time: what was seen, and what is left of it, which is these changes times the step, and noise.
+    pub(super) fn push(&mut self, time_s: f64, seen: Vector3<f64>, residual: Vector3<f64>, changes: &[Vector3<f64>]) {
         self.times.push(time_s);
+        self.seen.push(seen);
         self.residuals.push(residual);
         self.design.extend_from_slice(changes);
     }
@@ -94,8 +101,19 @@ impl Rows {
         // The scatter of one parameter's scores is itself known poorly from few blocks: never below that of all parameters together.
         let together = (&inverse * &sums.scatter).trace() / p as f64;
         let sigma = DVector::from_fn(p, |i, _| spread[(i, i)].max(together.max(1.0) * inverse[(i, i)]).sqrt());
+        let explains = self.share_left(&step, &scale) < MOST_LEFT;
         let widening = (sigma[0] / inverse[(0, 0)].sqrt()).max(1.0);
-        Some(Solution { step, sigma, scale, widening })
+        Some(Solution { step, sigma, scale, widening, explains })
+    }
+
+    /// Share of what was seen to vary that is left over, axes counted by their noise.
+    fn share_left(&self, step: &DVector<f64>, scale: &Vector3<f64>) -> f64 {
+        let n = self.len() as f64;
+        let mean = self.seen.iter().fold(Vector3::zeros(), |sum: Vector3<f64>, seen| sum + seen / n);
+        let unit = scale.map(|s| if s > 0.0 { 1.0 / s } else { 0.0 });
+        let power = |of: Vector3<f64>| of.component_mul(&unit).norm_squared();
+        let left: f64 = self.left(step).into_iter().map(power).sum();
+        left / self.seen.iter().map(|seen| power(seen - mean)).sum::<f64>().max(f64::MIN_POSITIVE)
     }
 
     fn left(&self, step: &DVector<f64>) -> Vec<Vector3<f64>> {

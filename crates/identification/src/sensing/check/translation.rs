@@ -151,7 +151,7 @@ impl View<'_> {
                 power[p] += all[2 + p].norm_squared();
             }
             let turned: Vec<Vector3<f64>> = all.iter().skip(1).map(|x| back * x).collect();
-            rows.push(times[j], back * (moved - all[0]), &turned);
+            rows.push(times[j], back * moved, back * (moved - all[0]), &turned);
         }
         let n = rows.len() as f64;
         (rows, power / n.max(1.0))
@@ -188,15 +188,16 @@ impl View<'_> {
         }
         let (rows, found, power) = last?;
         let here = rows.misfit_after(&found.step, &found.scale) / rows.len() as f64;
-        let stands_out = [-FAR_S, FAR_S].iter().all(|away| {
-            let far = core::array::from_fn(|p| if p == 0 { state[0] + away } else { state[p] });
-            // The age is held there: the step of the others only.
-            self.solved(times, measured, &far, span_s).is_none_or(|(rows, mut solution, _)| {
-                solution.step[0] = 0.0;
-                let misfit = rows.misfit_after(&solution.step, &found.scale) / rows.len() as f64;
-                (misfit - here) * rows.len() as f64 > SEEN * found.widening.powi(2)
-            })
-        });
+        let stands_out = found.explains
+            && [-FAR_S, FAR_S].iter().all(|away| {
+                let far = core::array::from_fn(|p| if p == 0 { state[0] + away } else { state[p] });
+                // The age is held there: the step of the others only.
+                self.solved(times, measured, &far, span_s).is_none_or(|(rows, mut solution, _)| {
+                    solution.step[0] = 0.0;
+                    let misfit = rows.misfit_after(&solution.step, &found.scale) / rows.len() as f64;
+                    (misfit - here) * rows.len() as f64 > SEEN * found.widening.powi(2)
+                })
+            });
         let known = |p: usize, sigma: f64, value: f64| {
             (stands_out && sigma < KNOWN * PRIORS[p].min(1.0)).then_some(Found { value, sigma })
         };
@@ -284,7 +285,7 @@ impl View<'_> {
                 let span = to - from;
                 let axis = |k: usize| Vector3::from_fn(|i, _| if i == k { span } else { 0.0 });
                 let left = self.positions[j] - self.positions[i] - (b[1] - a[1]);
-                rows.push(from, left, &[b[0] - a[0], axis(0), axis(1), axis(2)]);
+                rows.push(from, self.positions[j] - self.positions[i], left, &[b[0] - a[0], axis(0), axis(1), axis(2)]);
             }
             rows
         };
@@ -307,7 +308,8 @@ impl View<'_> {
                 step[0] = 0.0;
                 all.misfit_after(&step, &solution.scale) - here > SEEN * solution.widening.powi(2)
             });
-            (far && solution.sigma[0] < KNOWN).then_some(Found { value: later, sigma: solution.sigma[0] })
+            (far && solution.explains && solution.sigma[0] < KNOWN)
+                .then_some(Found { value: later, sigma: solution.sigma[0] })
         });
         best.min_by(|a, b| a.sigma.total_cmp(&b.sigma))
     }
