@@ -1,6 +1,8 @@
 //! Errors of the robot: each with a code and the remedy. All codes stand in `docs/errors.md`.
 
-/// What the simulated robot refuses.
+use crate::simulator::SimulatorError;
+
+/// What the simulated robot refuses. An error of actuators from outside is a [`SimulatorError::Foreign`], and its `source()`.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum AstrobeeError {
@@ -28,13 +30,14 @@ pub enum AstrobeeError {
     },
     /// T027: the simulator refuses.
     #[error(transparent)]
-    Simulator(#[from] crate::simulator::SimulatorError),
+    Simulator(#[from] SimulatorError),
 }
 
 impl AstrobeeError {
     /// The code under which `docs/errors.md` explains this error.
     pub fn code(&self) -> &'static str {
         match self {
+            Self::Simulator(SimulatorError::Foreign { .. }) => "T037",
             Self::Simulator(_) => "T027",
             Self::SensingOutOfRange { .. } | Self::SensingNotFlown { .. } => "T025",
         }
@@ -47,6 +50,9 @@ impl AstrobeeError {
                 "correct the named key; `docs/sensing.md` says what of such a file is flown"
             }
             Self::SensingOutOfRange { .. } => "`docs/sensing.md` lists every key with unit and range",
+            Self::Simulator(SimulatorError::Foreign { .. }) => {
+                "the actuators named say what they lack: correct that, or ask for another `kind` in `[propulsion]`"
+            }
             Self::Simulator(_) => {
                 "a scenario's `body`, `payload`, `start` and `drive` must fit: a wrench far beyond what the mass and inertia bear makes it \
                  too fast within one step; `docs/scenarios.md` describes every key"

@@ -1,8 +1,18 @@
 //! Errors of files: each with a code, the place and the remedy. All codes stand in `docs/errors.md`.
 
 use std::path::{Path, PathBuf};
+use tumble_dynamics::ForeignError;
 
 /// What can be wrong with a file that is read or written.
+///
+/// Replays of commands, layouts and sinks of rows from outside answer with [`Foreign`](Self::Foreign), which keeps their own error (the other
+/// errors of this crate tell of bytes and text, where nothing from outside is called):
+/// ```
+/// use tumble_formats::FormatsError;
+/// let error = FormatsError::foreign("jets", std::io::Error::other("no table of valve 3"));
+/// assert_eq!(error.to_string(), "jets: no table of valve 3");
+/// assert!(std::error::Error::source(&error).is_some_and(|source| source.is::<std::io::Error>()));
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FormatsError {
@@ -297,9 +307,22 @@ pub enum FormatsError {
         /// The file.
         path: PathBuf,
     },
+    /// T037: an implementation from outside refuses.
+    #[error("{by}: {source}")]
+    Foreign {
+        /// Its name.
+        by: &'static str,
+        /// What it says.
+        source: ForeignError,
+    },
 }
 
 impl FormatsError {
+    /// An error of somebody else's replay of commands, layout or sink of rows.
+    pub fn foreign(by: &'static str, source: impl std::error::Error + Send + Sync + 'static) -> Self {
+        Self::Foreign { by, source: ForeignError::made(source) }
+    }
+
     /// The same of the log that was named, where this tells of a copy of it.
     #[must_use]
     pub(crate) fn naming(mut self, copy: &Path, named: &Path) -> Self {
@@ -354,6 +377,7 @@ impl FormatsError {
             Self::NoFlight { .. } | Self::Damaged { .. } => "T030",
             Self::NotHeld { .. } => "T031",
             Self::Database { .. } => "T032",
+            Self::Foreign { .. } => "T037",
         }
     }
 
@@ -425,6 +449,7 @@ impl FormatsError {
                 "make MCAP of it where ROS 2 is installed (up to Humble, with the packages of its messages): `ros2 bag convert -i log.db3 -o mcap.yaml`, \
                  with `output_bags: [{uri: log, storage_id: mcap, all: true}]` in mcap.yaml"
             }
+            Self::Foreign { .. } => "the part named says what it lacks: correct that, or do without it",
             Self::Throw(_) => "check the throw against the column description in `docs/wheel-throws.md`",
         }
     }

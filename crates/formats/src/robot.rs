@@ -1,8 +1,8 @@
 //! What files cannot say of a robot: each robot plugs in here.
 
-use crate::Embedded;
 use crate::place::suggestion;
 use crate::recording::RawMessage;
+use crate::{Embedded, FormatsError};
 use std::fmt;
 use std::sync::Arc;
 use tumble_dynamics::{ActuatorDrive, DynamicsError, InertialParameters};
@@ -81,7 +81,7 @@ impl ActuatorBytes {
 /// use tumble_dynamics::lie::Wrench;
 /// use tumble_dynamics::nalgebra::Vector3;
 /// use tumble_formats::recording::RawMessage;
-/// use tumble_formats::{ActuatorBytes, ActuatorReplay};
+/// use tumble_formats::{ActuatorBytes, ActuatorReplay, FormatsError};
 ///
 /// /// A jet along x: one byte opens it, 255 is 2 N. Unless it is told again within a second, it shuts by itself.
 /// #[derive(Default)]
@@ -92,27 +92,32 @@ impl ActuatorBytes {
 ///     fn command_type(&self) -> &'static str {
 ///         "kite_msgs/Jet"
 ///     }
-///     fn decode(&self, message: &RawMessage<'_>) -> Option<ActuatorBytes> {
-///         ActuatorBytes::new(message.payload).filter(|command| command.as_slice().len() == 1)
+///     fn decode(&self, message: &RawMessage<'_>) -> Result<Option<ActuatorBytes>, FormatsError> {
+///         Ok(ActuatorBytes::new(message.payload).filter(|command| command.as_slice().len() == 1))
 ///     }
-///     fn take(&mut self, time_ns: i64, command: &ActuatorBytes, _speeds: Option<[u8; 2]>) -> Option<Wrench<f64>> {
-///         let opening = f64::from(*command.as_slice().first()?) / 255.0;
+///     fn take(
+///         &mut self,
+///         time_ns: i64,
+///         command: &ActuatorBytes,
+///         _speeds: Option<[u8; 2]>,
+///     ) -> Result<Option<Wrench<f64>>, FormatsError> {
+///         let Some(byte) = command.as_slice().first() else { return Ok(None) };
 ///         self.shuts_ns = Some(time_ns + 1_000_000_000);
-///         Some(Wrench::new(Vector3::zeros(), Vector3::x() * (2.0 * opening)))
+///         Ok(Some(Wrench::new(Vector3::zeros(), Vector3::x() * (2.0 * f64::from(*byte) / 255.0))))
 ///     }
 ///     fn overdue_ns(&self) -> Option<i64> {
 ///         self.shuts_ns
 ///     }
-///     fn go_on(&mut self, _speeds: Option<[u8; 2]>) -> Option<Wrench<f64>> {
-///         self.shuts_ns.take().map(|_| Wrench::zero())
+///     fn go_on(&mut self, _speeds: Option<[u8; 2]>) -> Result<Option<Wrench<f64>>, FormatsError> {
+///         Ok(self.shuts_ns.take().map(|_| Wrench::zero()))
 ///     }
 /// }
 /// let mut jet: Box<dyn ActuatorReplay> = Box::new(Jet::default());
 /// let command = ActuatorBytes::new(&[255]).ok_or("too long")?;
-/// assert_eq!(jet.take(0, &command, None).map(|wrench| wrench.force.x), Some(2.0));
+/// assert_eq!(jet.take(0, &command, None)?.map(|wrench| wrench.force.x), Some(2.0));
 /// assert_eq!(jet.overdue_ns(), Some(1_000_000_000));
-/// assert_eq!((jet.go_on(None), jet.overdue_ns()), (Some(Wrench::zero()), None));
-/// # Ok::<(), &str>(())
+/// assert_eq!((jet.go_on(None)?, jet.overdue_ns()), (Some(Wrench::zero()), None));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 /// Tutorial: [a robot of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/tumble/examples/own_robot.rs).
 pub trait ActuatorReplay: Send {
@@ -120,11 +125,22 @@ pub trait ActuatorReplay: Send {
     fn command_type(&self) -> &'static str;
 
     /// The command in a message of that type; `None` where it holds none. It counts from the time at which it was logged.
-    fn decode(&self, message: &RawMessage<'_>) -> Option<ActuatorBytes>;
+    ///
+    /// # Errors
+    /// [`FormatsError::foreign`] where no command of this recording can be understood: it ends the reading.
+    fn decode(&self, message: &RawMessage<'_>) -> Result<Option<ActuatorBytes>, FormatsError>;
 
     /// A command that came at this time, with the measured speeds (counts) where there are any; the wrench that acts from then on,
     /// or `None` where the command takes effect later.
-    fn take(&mut self, time_ns: i64, command: &ActuatorBytes, speeds: Option<[u8; 2]>) -> Option<Wrench<f64>>;
+    ///
+    /// # Errors
+    /// [`FormatsError::foreign`] where nobody can say what the actuators make of it: it ends the reading.
+    fn take(
+        &mut self,
+        time_ns: i64,
+        command: &ActuatorBytes,
+        speeds: Option<[u8; 2]>,
+    ) -> Result<Option<Wrench<f64>>, FormatsError>;
 
     /// When the actuators go on by themselves if nothing comes before; `None` where they never do.
     fn overdue_ns(&self) -> Option<i64> {
@@ -132,8 +148,11 @@ pub trait ActuatorReplay: Send {
     }
 
     /// What acts from [`overdue_ns`](Self::overdue_ns) on.
-    fn go_on(&mut self, _speeds: Option<[u8; 2]>) -> Option<Wrench<f64>> {
-        None
+    ///
+    /// # Errors
+    /// As [`take`](Self::take).
+    fn go_on(&mut self, _speeds: Option<[u8; 2]>) -> Result<Option<Wrench<f64>>, FormatsError> {
+        Ok(None)
     }
 
     /// Nothing was heard for so long that nobody knows what the actuators did since.

@@ -1,6 +1,6 @@
 //! Errors of this crate.
 
-/// What can be wrong with geometric input.
+/// What can be wrong with geometric input. No trait of this crate has a method that fails, so that there is no error from outside to carry.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LieError {

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_dynamics::{InertialParameters, StatefulDrive, WrenchBox};
 use tumble_formats::recording::RawMessage;
-use tumble_formats::{ActuatorBytes, ActuatorPreset, ActuatorReplay, BodyPreset, Robot};
+use tumble_formats::{ActuatorBytes, ActuatorPreset, ActuatorReplay, BodyPreset, FormatsError, Robot};
 use tumble_identification::recursive::ErringThruster;
 use tumble_lie::Wrench;
 
@@ -50,17 +50,40 @@ impl ActuatorReplay for Jets {
         "kite_msgs/Jets"
     }
 
-    fn decode(&self, message: &RawMessage<'_>) -> Option<ActuatorBytes> {
-        ActuatorBytes::new(message.payload).filter(|command| command.as_slice().len() == 6)
+    fn decode(&self, message: &RawMessage<'_>) -> Result<Option<ActuatorBytes>, FormatsError> {
+        match message.payload.len() {
+            6 => Ok(ActuatorBytes::new(message.payload)),
+            jets => Err(FormatsError::foreign("kite-jets", OtherJets { jets })),
+        }
     }
 
-    fn take(&mut self, _time_ns: i64, command: &ActuatorBytes, _speeds: Option<[u8; 2]>) -> Option<Wrench<f64>> {
-        let [x, y, z, about_x, about_y, about_z] = command.as_slice().try_into().ok()?;
+    fn take(
+        &mut self,
+        _time_ns: i64,
+        command: &ActuatorBytes,
+        _speeds: Option<[u8; 2]>,
+    ) -> Result<Option<Wrench<f64>>, FormatsError> {
+        let &[x, y, z, about_x, about_y, about_z] = command.as_slice() else { return Ok(None) };
         let share = |byte: u8| f64::from(i8::from_le_bytes([byte])) / 127.0;
         let force = Vector3::new(share(x), share(y), share(z)) * 0.5;
-        Some(Wrench::new(Vector3::new(share(about_x), share(about_y), share(about_z)) * 0.06, force))
+        Ok(Some(Wrench::new(Vector3::new(share(about_x), share(about_y), share(about_z)) * 0.06, force)))
     }
 }
+
+/// Commands of another build of this satellite: what its jets do, nobody here knows.
+#[derive(Debug)]
+pub struct OtherJets {
+    /// How many it has.
+    pub jets: usize,
+}
+
+impl std::fmt::Display for OtherJets {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "a command of {} jets, six are known", self.jets)
+    }
+}
+
+impl std::error::Error for OtherJets {}
 
 #[allow(dead_code, reason = "the test of this program takes the robot alone")]
 fn main() -> ExitCode {

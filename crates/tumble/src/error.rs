@@ -9,6 +9,9 @@ use tumble_identification::IdentificationError;
 use tumble_identification::estimator::EstimatorError;
 use tumble_planning::PlanningError;
 
+/// Of what is somebody else's.
+const REMEDY_OF_A_PART: &str = "the part named says what it lacks: correct that, or do without it";
+
 /// What can go wrong between a user's files and a result.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -53,7 +56,7 @@ pub enum TumbleError {
     /// T015, or T014 for a name that no method bears: an estimator of a program's own refuses, or gives what cannot be.
     #[error(transparent)]
     Estimator(EstimatorError),
-    /// T016: the simulation behind the demo failed.
+    /// T016: the simulation behind the demo failed; T037: actuators from outside refuse.
     #[error(transparent)]
     Dynamics(#[from] tumble_dynamics::DynamicsError),
     /// T017: a picture cannot be drawn.
@@ -135,6 +138,14 @@ pub enum TumbleError {
         /// What is wrong.
         message: String,
     },
+    /// T037: a hook or runner of missions from outside refuses.
+    #[error("{by}: {source}")]
+    Foreign {
+        /// Its name.
+        by: &'static str,
+        /// What it says.
+        source: tumble_dynamics::ForeignError,
+    },
 }
 
 /// An error of the library's own estimators is one of identification.
@@ -161,6 +172,11 @@ impl From<tumble_astrobee::simulator::SimulatorError> for TumbleError {
 }
 
 impl TumbleError {
+    /// An error of somebody else's hook or runner of missions.
+    pub fn foreign(by: &'static str, source: impl std::error::Error + Send + Sync + 'static) -> Self {
+        Self::Foreign { by, source: tumble_dynamics::ForeignError::made(source) }
+    }
+
     /// What the command line says of options that it does not take.
     pub(crate) fn of_options(refusal: &clap::Error) -> Self {
         let text = refusal.render().to_string();
@@ -179,6 +195,7 @@ impl TumbleError {
             Self::NotAResult { .. } => "T020",
             Self::BadOption { .. } | Self::Estimator(EstimatorError::Unknown(_)) => "T014",
             Self::Identification(_) | Self::Estimator(_) => "T015",
+            Self::Dynamics(tumble_dynamics::DynamicsError::Foreign { .. }) | Self::Foreign { .. } => "T037",
             Self::Dynamics(_) => "T016",
             Self::Plot { .. } => "T017",
             Self::Excitation(_) | Self::SearchTooLong { .. } => "T021",
@@ -207,10 +224,9 @@ impl TumbleError {
                 "correct or leave out the option named; `tumble help COMMAND` explains each"
             }
             Self::Estimator(_) => "the estimator named says what it lacks: correct that, or ask for another `--method`",
+            Self::Dynamics(tumble_dynamics::DynamicsError::Foreign { .. }) | Self::Foreign { .. } => REMEDY_OF_A_PART,
             // Errors of the library have no source: this one is somebody else's.
-            Self::Identification(error) if error.source().is_some() => {
-                "the part named says what it lacks: correct that, or do without it"
-            }
+            Self::Identification(error) if error.source().is_some() => REMEDY_OF_A_PART,
             Self::Identification(error) => match error {
                 IdentificationError::MissingColumn(_) => {
                     "`tumble identify --template` prints every column of a CSV log; `docs/recordings.md` says which topics of a recording \

@@ -1,7 +1,7 @@
 //! What a simulator can refuse.
 
 use crate::propulsion::constants::CONTROL_PERIOD_S;
-use tumble_dynamics::DynamicsError;
+use tumble_dynamics::{DynamicsError, ForeignError};
 
 /// What a simulator can refuse.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -29,5 +29,22 @@ pub enum SimulatorError {
     #[error(
         "the motion cannot be computed ({0}): too large a wrench (`drive`), or too fast a start, for the mass and inertia of `body`"
     )]
-    Dynamics(#[from] DynamicsError),
+    Dynamics(#[source] DynamicsError),
+    /// Actuators from outside refuse. Two are equal where they are the same object.
+    #[error("{by}: {source}")]
+    Foreign {
+        /// Their name.
+        by: &'static str,
+        /// What they say.
+        source: ForeignError,
+    },
+}
+
+impl From<DynamicsError> for SimulatorError {
+    fn from(error: DynamicsError) -> Self {
+        match error {
+            DynamicsError::Foreign { by, source } => Self::Foreign { by, source },
+            other => Self::Dynamics(other),
+        }
+    }
 }

@@ -96,7 +96,7 @@ impl<'p> Assembler<'p> {
                 Some(Measured::Wrench(wrench)) => Event::Wrench(wrench),
                 None => return Ok(None),
             };
-            return Ok(self.push(raw.log_time_ns, event));
+            return self.push(raw.log_time_ns, event);
         }
         if self.plan.part(raw.topic).is_none() {
             return Ok(None);
@@ -104,14 +104,14 @@ impl<'p> Assembler<'p> {
         if let Some(replay) =
             self.actuators.as_ref().filter(|replay| replay.command_type() == raw.type_name && !is_listed(raw.type_name))
         {
-            let Some(command) = replay.decode(raw) else {
+            let Some(command) = replay.decode(raw)? else {
                 self.tally.undecoded += 1;
                 return Ok(None);
             };
             if self.is_doubled(file, raw.log_time_ns, raw) {
                 return Ok(None);
             }
-            return Ok(self.push(raw.log_time_ns, Event::Bytes(command)));
+            return self.push(raw.log_time_ns, Event::Bytes(command));
         }
         let message = match messages::decode(raw) {
             Some(Ok(message)) => message,
@@ -133,11 +133,11 @@ impl<'p> Assembler<'p> {
             return Ok(None);
         }
         let Some(event) = self.event(&message, time_ns)? else { return Ok(None) };
-        Ok(self.push(time_ns, event))
+        self.push(time_ns, event)
     }
 
     /// Puts an event in its place; hands out a sample when one is complete.
-    fn push(&mut self, time_ns: i64, event: Event) -> Option<MotionSample> {
+    fn push(&mut self, time_ns: i64, event: Event) -> Result<Option<MotionSample>, FormatsError> {
         if let Event::Motion(_) = event {
             self.tally.late += usize::from(self.newest_motion_ns.is_some_and(|newest| time_ns < newest));
             self.newest_motion_ns = self.newest_motion_ns.max(Some(time_ns));
@@ -146,24 +146,24 @@ impl<'p> Assembler<'p> {
             Some(released) if released.in_order => self.advance(released.time_ns, released.sample),
             Some(_) => {
                 self.tally.too_late += 1;
-                None
+                Ok(None)
             }
-            None => None,
+            None => Ok(None),
         }
     }
 
     /// The next sample after the last message, until `None`.
-    fn finish(&mut self) -> Option<MotionSample> {
+    fn finish(&mut self) -> Result<Option<MotionSample>, FormatsError> {
         while let Some(released) = self.ordering.flush() {
-            if let Some(sample) = self.advance(released.time_ns, released.sample) {
-                return Some(sample);
+            if let Some(sample) = self.advance(released.time_ns, released.sample)? {
+                return Ok(Some(sample));
             }
         }
         // The last sample's interval has no end: what acted at its beginning is its wrench.
-        let (mut sample, ..) = self.pending.take()?;
+        let Some((mut sample, ..)) = self.pending.take() else { return Ok(None) };
         sample.wrench_body = self.acting.filter(|(_, until)| *until >= sample.time_ns).map(|(wrench, _)| wrench);
         self.tally.samples += 1;
-        Some(sample)
+        Ok(Some(sample))
     }
 
     fn event(&mut self, message: &Message<'_>, time_ns: i64) -> Result<Option<Event>, FormatsError> {
@@ -238,16 +238,16 @@ impl<'p> Assembler<'p> {
     }
 
     /// Goes on to an event, in order of time; hands out the sample whose interval it ends.
-    fn advance(&mut self, time_ns: i64, event: Event) -> Option<MotionSample> {
-        self.replay_until(time_ns);
+    fn advance(&mut self, time_ns: i64, event: Event) -> Result<Option<MotionSample>, FormatsError> {
+        self.replay_until(time_ns)?;
         if let Event::Motion(sample) = event {
             if self.pending.as_ref().is_some_and(|(pending, ..)| pending.time_ns == time_ns) {
                 self.tally.repeated += 1;
-                return None;
+                return Ok(None);
             }
             self.add_up(time_ns);
             let finished = self.pending.replace((*sample, Wrench::zero(), 0, time_ns));
-            return finished.map(|(mut sample, impulse, covered_ns, _)| {
+            return Ok(finished.map(|(mut sample, impulse, covered_ns, _)| {
                 let interval_ns = time_ns - sample.time_ns;
                 if covered_ns > 0 && covered_ns == interval_ns {
                     let mean = 1.0 / interval_ns as f64;
@@ -257,7 +257,7 @@ impl<'p> Assembler<'p> {
                 }
                 self.tally.samples += 1;
                 sample
-            });
+            }));
         }
         self.add_up(time_ns);
         match event {
@@ -268,7 +268,9 @@ impl<'p> Assembler<'p> {
             }
             Event::CenterOfMass(center_of_mass) => self.center_of_mass = center_of_mass,
             Event::Bytes(bytes) => {
-                let acting = self.actuators.as_mut().and_then(|replay| replay.take(time_ns, &bytes, self.speeds));
+                let acting =
+                    self.actuators.as_mut().map(|replay| replay.take(time_ns, &bytes, self.speeds)).transpose()?;
+                let acting = acting.flatten();
                 if let Some(wrench) = acting.or(self.acting.map(|(wrench, _)| wrench)) {
                     self.hold(wrench, time_ns);
                 }
@@ -282,7 +284,7 @@ impl<'p> Assembler<'p> {
             }
             Event::Motion(_) => {}
         }
-        None
+        Ok(None)
     }
 
     fn hold(&mut self, wrench: Wrench<f64>, time_ns: i64) {
@@ -290,7 +292,7 @@ impl<'p> Assembler<'p> {
     }
 
     /// What the servos do by themselves while commands hold.
-    fn replay_until(&mut self, time_ns: i64) {
+    fn replay_until(&mut self, time_ns: i64) -> Result<(), FormatsError> {
         let overdue_ns =
             |replay: &Option<Box<dyn ActuatorReplay>>| replay.as_ref().and_then(|replay| replay.overdue_ns());
         while let (Some((_, until)), Some(overdue_ns)) = (self.acting, overdue_ns(&self.actuators)) {
@@ -300,12 +302,13 @@ impl<'p> Assembler<'p> {
                 {
                     replay.silence();
                 }
-                return;
+                return Ok(());
             }
             self.add_up(overdue_ns);
-            let wrench = self.actuators.as_mut().and_then(|replay| replay.go_on(self.speeds));
-            self.acting = wrench.map(|wrench| (wrench, until));
+            let wrench = self.actuators.as_mut().map(|replay| replay.go_on(self.speeds)).transpose()?;
+            self.acting = wrench.flatten().map(|wrench| (wrench, until));
         }
+        Ok(())
     }
 
     /// Adds what acts to the impulse of the running interval, up to a time.
@@ -451,7 +454,7 @@ impl FlightReader {
     /// The next sample in time, `None` at the end.
     ///
     /// # Errors
-    /// [`FormatsError::BadMessage`] for a definition that is not known, [`FormatsError::NoFlight`] for a wrench in a frame
+    /// [`FormatsError::BadMessage`] for a definition that is not known, what the robot's replay of commands refuses, [`FormatsError::NoFlight`] for a wrench in a frame
     /// that is not the body's, and at the end where not one pose could be used; then [`FormatsError::Damaged`] if the file is.
     pub fn next_sample(&mut self) -> Result<Option<MotionSample>, FormatsError> {
         loop {
@@ -528,7 +531,7 @@ fn stream(
     if let Some(error) = failure {
         return Err(error);
     }
-    while let Some(sample) = assembler.finish() {
+    while let Some(sample) = assembler.finish()? {
         if batches.take(&sample).is_break() {
             break;
         }

@@ -3,7 +3,8 @@
 use super::raw_message::Encoding;
 use tumble_dynamics::nalgebra::{Quaternion, Vector3};
 
-/// Why a payload cannot be read as what it is said to be.
+/// Why a payload cannot be read as what it is said to be. It tells of bytes alone: what they mean is judged by who reads them, with an error of
+/// their own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WireError {

@@ -4,7 +4,7 @@ use tumble_astrobee::bodies::BodyConfiguration;
 use tumble_astrobee::propulsion::{ImpellerMode, PropulsionCommand, PropulsionReplay};
 use tumble_astrobee::sensing::SensingPreset;
 use tumble_formats::recording::RawMessage;
-use tumble_formats::{ActuatorBytes, ActuatorReplay, BodyPreset, Embedded, Robot, SensorPreset};
+use tumble_formats::{ActuatorBytes, ActuatorReplay, BodyPreset, Embedded, FormatsError, Robot, SensorPreset};
 use tumble_lie::Wrench;
 
 /// Its bodies, its arm and its propulsion modules.
@@ -65,26 +65,34 @@ impl ActuatorReplay for Modules {
     }
 
     /// The type is one of those that every reader decodes.
-    fn decode(&self, _message: &RawMessage<'_>) -> Option<ActuatorBytes> {
-        None
+    fn decode(&self, _message: &RawMessage<'_>) -> Result<Option<ActuatorBytes>, FormatsError> {
+        Ok(None)
     }
 
-    fn take(&mut self, time_ns: i64, command: &ActuatorBytes, speeds: Option<[u8; 2]>) -> Option<Wrench<f64>> {
-        let (impellers, nozzles) = command.as_slice().split_at_checked(2)?;
-        let command =
-            PropulsionCommand { impeller_speeds: impellers.try_into().ok()?, nozzles: nozzles.try_into().ok()? };
-        self.0.take(time_ns, command, speeds)
+    fn take(
+        &mut self,
+        time_ns: i64,
+        command: &ActuatorBytes,
+        speeds: Option<[u8; 2]>,
+    ) -> Result<Option<Wrench<f64>>, FormatsError> {
+        Ok(propulsion_command(command).and_then(|command| self.0.take(time_ns, command, speeds)))
     }
 
     fn overdue_ns(&self) -> Option<i64> {
         self.0.overdue_ns()
     }
 
-    fn go_on(&mut self, speeds: Option<[u8; 2]>) -> Option<Wrench<f64>> {
-        self.0.go_on(speeds)
+    fn go_on(&mut self, speeds: Option<[u8; 2]>) -> Result<Option<Wrench<f64>>, FormatsError> {
+        Ok(self.0.go_on(speeds))
     }
 
     fn silence(&mut self) {
         self.0.silence();
     }
+}
+
+/// Two impellers, then twelve nozzles; `None` for other bytes.
+fn propulsion_command(command: &ActuatorBytes) -> Option<PropulsionCommand> {
+    let (impellers, nozzles) = command.as_slice().split_at_checked(2)?;
+    Some(PropulsionCommand { impeller_speeds: impellers.try_into().ok()?, nozzles: nozzles.try_into().ok()? })
 }

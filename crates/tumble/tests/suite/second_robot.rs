@@ -6,18 +6,20 @@ mod own_robot;
 
 use crate::support::ros1::{Payload, bag_time};
 use crate::support::scratch;
-use own_robot::Kite;
+use own_robot::{Kite, OtherJets};
 use serde_json::Value;
+use std::error::Error;
 use std::fs;
 use std::path::Path;
 use std::process::ExitCode;
+use tumble::cli::captured;
 use tumble::mission::{FlyOptions, LayerNames, ModelChoice, WeightingChoice};
 use tumble::robots::shipped;
 use tumble::scenario::ScenarioSource;
 use tumble_dynamics::nalgebra::Vector3;
-use tumble_dynamics::{FreeFlyer, Integrator as _, MuntheKaas4, RigidBodyState};
-use tumble_formats::Robots;
+use tumble_dynamics::{ActuatorDrive, Driven, DynamicsError, FreeFlyer, Integrator as _, MuntheKaas4, RigidBodyState};
 use tumble_formats::testing::bag_writer::{BagWriter, Compression};
+use tumble_formats::{ActuatorPreset, Robot, Robots};
 use tumble_identification::recursive::ErringThruster;
 use tumble_lie::Wrench;
 
@@ -100,13 +102,19 @@ fn json(path: &Path) -> Value {
     serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
 }
 
+/// A recording of poses, on 0, and of what its jets are told, on 1.
+fn bag_of_jets() -> BagWriter {
+    let mut bag = BagWriter::new(Compression::Lz4, 20_000);
+    bag.connection(0, "/kite/pose", "geometry_msgs/PoseStamped", "d3812c3cbc69362b77dc0b19b345f8f5");
+    bag.connection(1, "/kite/jets", "kite_msgs/Jets", "00000000000000000000000000000000");
+    bag
+}
+
 #[test]
 fn its_recorded_commands_give_its_body() {
     let body = kites().body("kite").unwrap();
     let (flyer, mut state) = (FreeFlyer::new(body), RigidBodyState::at_rest());
-    let mut bag = BagWriter::new(Compression::Lz4, 20_000);
-    bag.connection(0, "/kite/pose", "geometry_msgs/PoseStamped", "d3812c3cbc69362b77dc0b19b345f8f5");
-    bag.connection(1, "/kite/jets", "kite_msgs/Jets", "00000000000000000000000000000000");
+    let mut bag = bag_of_jets();
     for k in 0..STEPS {
         let time_ns = k * STEP_NS;
         let phase = 0.02 * f64::from(i32::try_from(k).unwrap());
@@ -138,6 +146,92 @@ fn its_recorded_commands_give_its_body() {
     // without the robot nobody knows what its commands did
     let stranger = tumble::run(["tumble", arguments[0], arguments[1]].map(Into::into), &shipped());
     assert_eq!(stranger, ExitCode::from(2));
+}
+
+/// A valve that sticks.
+#[derive(Debug, PartialEq, thiserror::Error)]
+#[error("valve {valve} does not open")]
+struct Stuck {
+    valve: u8,
+}
+
+/// Jets that cannot even be made, and jets that refuse in flight.
+struct Broken;
+
+impl Robot for Broken {
+    fn name(&self) -> &'static str {
+        "broken"
+    }
+    fn sentence(&self) -> &'static str {
+        "jets whose valves stick"
+    }
+    fn actuators(&self) -> Vec<ActuatorPreset> {
+        let (sentence, thrusters) = (self.sentence(), || Ok(ErringThruster::along_axes(0.01)));
+        vec![
+            ActuatorPreset {
+                name: "none-made",
+                sentence,
+                make: || Err(DynamicsError::foreign("none-made", Stuck { valve: 1 })),
+                thrusters,
+            },
+            ActuatorPreset { name: "none-opens", sentence, make: || Ok(Box::new(Refusing)), thrusters },
+        ]
+    }
+}
+
+struct Refusing;
+
+impl ActuatorDrive for Refusing {
+    fn drive(&mut self, _: &Wrench<f64>, _: &Vector3<f64>, _: f64) -> Result<Driven, DynamicsError> {
+        Err(DynamicsError::foreign("none-opens", Stuck { valve: 2 }))
+    }
+}
+
+#[test]
+fn what_it_refuses_keeps_its_text_and_its_source() {
+    let folder = scratch("refusals");
+    let mut bag = bag_of_jets();
+    for time_ns in (1..100).map(|k| k * STEP_NS) {
+        bag.message(
+            0,
+            bag_time(time_ns),
+            &Payload::header(time_ns, "world").pose(&RigidBodyState::at_rest().world_from_body).0,
+        );
+        bag.message(1, bag_time(time_ns), &[0; 5]);
+    }
+    let recording = folder.join("flight.bag");
+    fs::write(&recording, bag.finish()).unwrap();
+    let scenario = |kind: &str, text: &str| {
+        let path = folder.join(format!("{kind}.toml"));
+        fs::write(&path, text.replace("kite-jets", kind)).unwrap();
+        path
+    };
+    let excited = excited();
+    let commands = [
+        ("identify", recording, "kite-jets: a command of 5 jets, six are known"),
+        ("simulate", scenario("none-made", &excited), "none-made: valve 1 does not open"),
+        ("simulate", scenario("none-opens", &excited), "none-opens: valve 2 does not open"),
+        (
+            "fly",
+            scenario("none-opens-flown", &MISSION.replace("kite-jets", "none-opens")),
+            "none-opens: valve 2 does not open",
+        ),
+    ];
+    let robots = kites().with(Broken);
+    for (command, file, text) in commands {
+        let out = folder.join("out");
+        let words = || ["kite", command, file.to_str().unwrap(), "--out", out.to_str().unwrap()].map(Into::into);
+        let error = tumble::answer(words(), &robots).unwrap_err();
+        assert_eq!((error.code(), error.to_string()), ("T037", text.to_owned()), "{command}");
+        let source = error.source().unwrap();
+        match source.downcast_ref::<OtherJets>() {
+            Some(other) => assert_eq!(other.jets, 5),
+            None => assert!(text.contains(&source.downcast_ref::<Stuck>().unwrap().to_string()), "{source}"),
+        }
+        let (ended, said) = captured(|| tumble::run(words(), &robots));
+        assert_eq!(ended, ExitCode::from(2));
+        assert!(said.stderr.contains(&format!("error[T037]: {text}\n  remedy: the ")), "{}", said.stderr);
+    }
 }
 
 #[test]
