@@ -49,6 +49,7 @@ impl CalibrationBodies {
 
 /// What was thrown for a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum CalibrationKind {
     /// The device alone: files `cal_device*`.
     Device,

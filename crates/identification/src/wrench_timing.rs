@@ -8,6 +8,7 @@ use crate::regressors::Extrapolation;
 /// Taking the wrong one costs an error of first order in the step: the regressors are centred, a held wrench lags by half
 /// a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum WrenchTiming {
     /// Constant in body axes from this row's time to the next row's: what a flight computer applies.
@@ -18,6 +19,14 @@ pub enum WrenchTiming {
 }
 
 impl WrenchTiming {
+    /// Its name on command lines and in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Held => "held",
+            Self::Sampled => "sampled",
+        }
+    }
+
     /// The right-hand side that belongs to a variational regressor about the middle sample of a window.
     ///
     /// Sampled: the wrench at the node. Held: the impulse average around the node, that is the wrench weighted by the

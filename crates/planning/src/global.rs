@@ -60,6 +60,7 @@ impl GoalRegion {
 
 /// What is to be least.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Objective {
     /// The duration, s.
     Duration,
@@ -69,6 +70,7 @@ pub enum Objective {
 
 /// When a planner may end before its budget does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Until {
     /// The first plan that holds.
     FirstPlan,

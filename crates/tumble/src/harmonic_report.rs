@@ -6,8 +6,7 @@ use crate::output::OutputFolder;
 use crate::page::Tone;
 use crate::page::chart::{Axis, Chart};
 use crate::report::{
-    self, Context, JsonBody, body_table, json_body, pseudo_inertia_min_eigenvalue, reference_json, timing_name, words,
-    worst_std,
+    self, Context, JsonBody, body_table, json_body, pseudo_inertia_min_eigenvalue, reference_json, words, worst_std,
 };
 use crate::report_page::{self, Shown};
 use std::fmt::Write as _;
@@ -64,7 +63,7 @@ pub fn table(found: &HarmonicIdentification, settings: &HarmonicSettings, contex
         "{}\n  method {}, wrench {}; {used} samples used, {} rejected; {:.1} s",
         context.source,
         estimator_name(found.estimator),
-        timing_name(settings.wrench_timing),
+        settings.wrench_timing.name(),
         samples - used,
         context.duration_s,
     );
@@ -150,7 +149,7 @@ pub fn json(
     let mut all = serde_json::json!({
         "format": 1,
         "method": estimator_name(found.estimator),
-        "wrench_timing": timing_name(settings.wrench_timing),
+        "wrench_timing": settings.wrench_timing.name(),
         "samples_used": used,
         "samples_rejected": samples - used,
         "rank": 10,
@@ -204,7 +203,7 @@ pub fn unidentified_json(
     let mut all = serde_json::json!({
         "format": 1,
         "method": estimator_name(settings.estimator),
-        "wrench_timing": timing_name(settings.wrench_timing),
+        "wrench_timing": settings.wrench_timing.name(),
         "samples_used": 0,
         "samples_rejected": samples,
         "rank": rank,

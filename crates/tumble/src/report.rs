@@ -15,17 +15,9 @@ use tumble_formats::log::seconds;
 use tumble_identification::estimator::{Verdict, Why};
 use tumble_identification::{
     Difference, Estimate, FoundFactor, FoundThrusters, Identification, MAXIMUM_LIKELIHOOD, NuisanceEstimate,
-    NullDirection, PartChange, Prediction, StandardDeviations, WEAK_FORM, WrenchTiming,
+    NullDirection, PartChange, Prediction, StandardDeviations, WEAK_FORM,
 };
 use tumble_lie::Wrench;
-
-/// The name of a wrench timing on the command line and in JSON.
-pub fn timing_name(timing: WrenchTiming) -> &'static str {
-    match timing {
-        WrenchTiming::Held => "held",
-        WrenchTiming::Sampled => "sampled",
-    }
-}
 
 /// Where each entry of the inertia about the centre of mass stands among the ten numbers that people compare.
 const INERTIA_PLACES: [[usize; 3]; 3] = [[4, 7, 8], [7, 5, 9], [8, 9, 6]];
@@ -56,7 +48,7 @@ pub fn table(found: &Identification, context: &Context) -> String {
         text,
         "  method {}, wrench {}, {} {}; {} samples used, {} rejected; {:.4} s steps, {:.1} s",
         found.method,
-        timing_name(found.wrench_timing),
+        found.wrench_timing.name(),
         if found.method == MAXIMUM_LIKELIHOOD { "samples in a segment" } else { "lag" },
         found.lag,
         found.samples_used,
@@ -746,7 +738,7 @@ pub fn json(found: &Identification, context: &Context) -> Json {
     Json {
         format: 1,
         method: found.method,
-        wrench_timing: timing_name(found.wrench_timing),
+        wrench_timing: found.wrench_timing.name(),
         samples_used: found.samples_used,
         samples_rejected: found.samples_rejected,
         identified: found.verdict.is_identified(),

@@ -201,10 +201,8 @@ pub fn fly(
         flight.record.push(logged(seen, &u, time_ns, noise, random));
         flight.instants.push(now);
         for i in 0..SUBSTEPS {
-            let at = |fraction: f64| match timing {
-                WrenchTiming::Held => u,
-                WrenchTiming::Sampled => excitation.at(t + (f64::from(i) + fraction) * h),
-            };
+            let is_held = timing == WrenchTiming::Held;
+            let at = |fraction: f64| if is_held { u } else { excitation.at(t + (f64::from(i) + fraction) * h) };
             let (u0, u1, u2) = (at(0.0), at(0.5), at(1.0));
             if i > 0 && noise.delay_fifths > 0 {
                 past.push_back(instant(&x, &u0));

@@ -22,6 +22,7 @@ pub struct Waypoint {
 
 /// Where the robot should be.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub enum Reference {
     /// Always here.
     Hold(Pose<f64>),

@@ -8,6 +8,7 @@ use nalgebra::Vector6;
 
 /// Where the limits of a design hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+#[non_exhaustive]
 pub enum LimitsHold {
     /// At all times.
     #[default]

@@ -9,6 +9,7 @@ use tumble_dynamics::WrenchBox;
 
 /// Where the states should be.
 #[derive(Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Reference<'a, S> {
     /// At one state all along: the next way point.
     Hold(&'a S),

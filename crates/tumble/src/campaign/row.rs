@@ -10,6 +10,7 @@ pub const ROWS: &str = "rows.csv";
 
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Kind {
     /// Text.
     Text,
@@ -32,6 +33,7 @@ pub struct Column {
 
 /// A cell; empty ones are `None`.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Cell {
     /// Of a [`Kind::Text`].
     Text(String),
@@ -45,6 +47,7 @@ pub enum Cell {
 
 /// How a mission ended for the campaign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Status {
     /// Flown to its end, whatever that was.
     Flown,

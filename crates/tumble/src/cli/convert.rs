@@ -37,6 +37,7 @@ pub struct ConvertArgs {
 
 /// A format that can be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[non_exhaustive]
 pub enum Format {
     /// Every column, as text.
     Csv,

@@ -247,8 +247,10 @@ impl DoubtWatch {
                 Some(Suspect::Supply(supply)) => {
                     format!("the thrusters of supply {} do not give what they are told", supply + 1)
                 }
-                None => "the motion fits neither the body as it was nor another one: thrust is not what is asked for"
-                    .to_owned(),
+                None | Some(_) => {
+                    "the motion fits neither the body as it was nor another one: thrust is not what is asked for"
+                        .to_owned()
+                }
             };
             self.rows.push(DoubtRow { what: DoubtOf::Actuators, since_s, until_s: None, text });
         }

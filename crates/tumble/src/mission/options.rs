@@ -26,6 +26,7 @@ pub struct FlyOptions {
 
 /// What the robot is taken for before it learns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[non_exhaustive]
 #[serde(rename_all = "kebab-case")]
 pub enum ModelChoice {
     /// What the scenario says.
@@ -53,6 +54,7 @@ pub struct FaultChoice {
 
 /// What can go wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[non_exhaustive]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultName {
     /// Estimates are lost.

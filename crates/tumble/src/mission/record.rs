@@ -71,6 +71,7 @@ pub const PROMISED: std::ops::RangeInclusive<f64> = 0.7..=1.4;
 
 /// What is doubted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[non_exhaustive]
 #[serde(rename_all = "kebab-case")]
 pub enum DoubtOf {
     /// Mass, centre of mass, inertia.
@@ -107,6 +108,7 @@ pub struct DoubtRow {
 
 /// What a mission comes to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum MissionVerdict {
     /// It arrived as it should.
     Accomplished,

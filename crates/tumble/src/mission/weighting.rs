@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// How the local planner weighs information.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[non_exhaustive]
 #[serde(rename_all = "kebab-case")]
 pub enum WeightingChoice {
     /// Algorithm 1 of the thesis: what is still uncertain, by its covariance.

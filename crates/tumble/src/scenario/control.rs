@@ -273,14 +273,15 @@ impl ScenarioSource {
 
     /// The walls around a way: the largest box of keep-in boxes that hang together along an axis and hold it all.
     fn walls(&self, place: WorldPreset, reference: &Reference, radius_m: f64) -> Result<AlignedBox, TumbleError> {
+        let key = "drive.control.walls";
         let points: Vec<Vector3<f64>> = match reference {
             Reference::Hold(pose) | Reference::Periodic { world_from_start: pose, .. } => vec![pose.translation.vector],
             Reference::Path(waypoints) => {
                 waypoints.iter().map(|waypoint| waypoint.world_from_body.translation.vector).collect()
             }
+            _ => return Err(self.bad(key, "walls are found around poses, ways and periodic motions")),
         };
         let boxes: Vec<AlignedBox> = place.volumes().keep_in;
-        let key = "drive.control.walls";
         if boxes.is_empty() {
             return Err(self.bad(key, &format!("the world `{}` has no walls", place.name())));
         }
@@ -305,7 +306,7 @@ fn span(reference: &Reference, force_limit: &Vector3<f64>) -> AttitudeSpan {
     let attitudes: Vec<UnitQuaternion<f64>> = match reference {
         Reference::Hold(pose) => vec![pose.rotation],
         Reference::Path(waypoints) => waypoints.iter().map(|waypoint| waypoint.world_from_body.rotation).collect(),
-        Reference::Periodic { .. } => Vec::new(),
+        _ => Vec::new(),
     };
     let near = attitudes.first().map(|first| {
         // each leg turns about one axis on the shorter way, so that its ends are farthest from a middle that is near

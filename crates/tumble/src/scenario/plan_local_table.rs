@@ -81,6 +81,7 @@ pub struct LocalTable {
 
 /// What is not known of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[non_exhaustive]
 #[serde(rename_all = "kebab-case")]
 pub enum UnknownsName {
     /// Mass and the three moments of inertia.
@@ -121,6 +122,7 @@ impl UnknownsName {
 
 /// See [`Criterion`](tumble_planning::local::Criterion).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[non_exhaustive]
 #[serde(rename_all = "kebab-case")]
 pub enum CriterionName {
     /// Weighted sum of the variances.
@@ -133,6 +135,7 @@ pub enum CriterionName {
 
 /// How much information weighs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[non_exhaustive]
 #[serde(rename_all = "kebab-case")]
 pub enum WeightingName {
     /// Less as the variances come near their targets (Algorithm 1).

@@ -139,6 +139,7 @@ pub struct PayloadTable {
 
 /// See [`PayloadMotion`](tumble_astrobee::simulator::PayloadMotion).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 #[serde(rename_all = "kebab-case")]
 pub enum PayloadMotionName {
     /// As if it were part of the robot.
@@ -304,6 +305,7 @@ pub struct PropulsionTable {
 
 /// See [`Actuators`](tumble_astrobee::simulator::Actuators).
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 #[serde(rename_all = "kebab-case")]
 pub enum PropulsionName {
     /// Allocation to bytes, servos, impellers, nozzles.

@@ -81,6 +81,7 @@ impl ErringThruster {
 
 /// What may have failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Suspect {
     /// The thruster at this place.
     Thruster(usize),

@@ -195,6 +195,7 @@ impl Patient {
                     return Err(wrong("the nodes of the reference", nodes.len() as f64));
                 }
             }
+            _ => return Err(wrong("the kind of the reference", f64::NAN)),
         }
         if let Some(region) = &request.terminal {
             finite("a region", region.position_world.sum() + region.radius_m + region.speed_m_s)?;
@@ -247,6 +248,7 @@ impl Patient {
             let reference = match request.reference {
                 Reference::Hold(state) => state,
                 Reference::Nodes(states) => &states[node],
+                _ => return f64::INFINITY,
             };
             let weights = if node == settings.steps { &settings.terminal } else { &settings.tracking };
             let [x, v] = self.cart.difference(state, reference);

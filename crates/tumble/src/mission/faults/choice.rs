@@ -7,6 +7,7 @@ use std::str::FromStr;
 
 /// A fault that is none.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FaultChoiceError {
     /// A name that no fault has.
     #[error("there is no fault `{name}`{near}; there are {known}")]

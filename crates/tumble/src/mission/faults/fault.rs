@@ -40,6 +40,7 @@ impl PlantChange {
 
 /// What becomes of a request to a planner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum PlannerFault {
     /// It is answered.
     #[default]
