@@ -49,6 +49,7 @@ fn fake_summary(mission: &PlannedMission) -> MissionSummary {
         scenario: mission.scenario_name.clone(),
         seed: mission.options.seed,
         options: mission.options,
+        layers: mission.options.layers.all(),
         arrived: mission.k != 3,
         no_way: None,
         mission_s: 60.0 + random.uniform(),

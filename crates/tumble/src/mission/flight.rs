@@ -742,6 +742,7 @@ fn record(
         scenario: source.scenario.name.clone(),
         seed: options.seed,
         options: *options,
+        layers: problem.layers.all(),
         arrived: flying.end() == Some(&End::Arrived),
         no_way: match flying.end() {
             Some(End::NoWay(obstruction)) => Some(obstruction.to_string()),

@@ -42,6 +42,17 @@ impl LayerNames {
         }
     }
 
+    /// These, and the usual ones by name where none is named.
+    #[must_use]
+    pub fn all(&self) -> Self {
+        Self {
+            estimator: Some(self.estimator()),
+            planner: Some(self.planner()),
+            local_planner: Some(self.local_planner()),
+            controller: Some(self.controller()),
+        }
+    }
+
     /// As a command takes them, each with a space before it; what is not named is left out.
     pub(crate) fn arguments(&self) -> String {
         let Self { estimator, planner, local_planner, controller } = self;

@@ -1,5 +1,6 @@
 //! What is known of a mission when it is over. Everything here follows from scenario and options: no clock, no machine.
 
+use super::layer_names::LayerNames;
 use super::options::FlyOptions;
 use serde::{Deserialize, Serialize};
 
@@ -14,6 +15,9 @@ pub struct MissionSummary {
     pub seed: u64,
     /// The options.
     pub options: FlyOptions,
+    /// Every layer that flew, by name; files of before they were always named have none.
+    #[serde(default)]
+    pub layers: LayerNames,
     /// Whether the robot came to rest at its goal.
     pub arrived: bool,
     /// Why it never will, where that was proved: no way leads to the goal.

@@ -34,7 +34,11 @@ fn what_a_program_adds_flies_and_identifies_by_name() {
     let (flown, text) = said(&["fly", "iss-cargo", "--estimator", "as-measured", "--out", out, "--json"]);
     assert!(flown.is_ok(), "{flown:?}");
     let summary: Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(summary["options"]["layers"]["estimator"], "as-measured", "{text}");
+    assert_eq!(summary["options"]["layers"], serde_json::json!({ "estimator": "as-measured" }), "{text}");
+    let flown = serde_json::json!({
+        "estimator": "as-measured", "planner": "flight", "local_planner": "informative", "controller": "tube"
+    });
+    assert_eq!(summary["layers"], flown, "{text}");
     // It learns nothing, and says so: the payload is what nobody told it of.
     let mass = &summary["parameters"][0];
     assert_eq!(mass["estimate"], mass["initial"], "{mass}");

@@ -108,6 +108,11 @@ fn a_mission_on_the_table_answers_in_one_object() {
     let achieved = summary["arrived"] == true && summary["limit_violations"] == 0;
     assert_eq!(output.status.code(), Some(if achieved { 0 } else { 3 }), "{}", stderr(&output));
     assert_eq!(summary["options"]["weighting"], "none");
+    assert_eq!(summary["options"]["layers"], Value::Null, "none was asked for");
+    let usual = serde_json::json!({
+        "estimator": "joint", "planner": "flight", "local_planner": "informative", "controller": "tube"
+    });
+    assert_eq!(summary["layers"], usual);
     assert_eq!((&summary["options"]["feedback"], &summary["belief_revisions"]), (&Value::from(false), &Value::from(0)));
     assert!(number(&summary["min_clearance_m"]) > 0.0);
     let run = json(&folder.join("tumble-out/fly-granite-cargo-5/run.json"));

@@ -6,7 +6,9 @@ use crate::support::sample_record::{planar_sample, sample};
 use std::path::Path;
 use std::sync::LazyLock;
 use tumble::TumbleError;
-use tumble::mission::{DoubtOf, DoubtRow, MissionEvent, MissionRecord, MissionSummary, Series, StretchRow, WayRow};
+use tumble::mission::{
+    DoubtOf, DoubtRow, LayerNames, MissionEvent, MissionRecord, MissionSummary, Series, StretchRow, WayRow,
+};
 use tumble::mission_report::{html, record_of};
 use tumble_formats::FormatsError;
 
@@ -106,7 +108,7 @@ fn a_doubt_that_stands_is_told_first_and_is_not_green() {
 }
 
 #[test]
-fn a_summary_of_before_there_were_doubts_is_read() {
+fn a_summary_of_before_there_were_doubts_and_names_of_layers_is_read() {
     let mut summary = sample().summary;
     summary.doubts = vec![doubt(DoubtOf::Body, None)];
     let mut written = serde_json::to_value(&summary).unwrap();
@@ -114,9 +116,11 @@ fn a_summary_of_before_there_were_doubts_is_read() {
         written["doubts"],
         serde_json::json!([{ "what": "body", "since_s": 12.5, "until_s": null, "text": "a <reason>" }])
     );
-    written.as_object_mut().unwrap().remove("doubts");
+    for later in ["doubts", "layers"] {
+        assert!(written.as_object_mut().unwrap().remove(later).is_some());
+    }
     let read: MissionSummary = serde_json::from_value(written).unwrap();
-    assert_eq!(read, MissionSummary { doubts: Vec::new(), ..summary });
+    assert_eq!(read, MissionSummary { doubts: Vec::new(), layers: LayerNames::default(), ..summary });
 }
 
 /// Without parameters there is nothing to plot of them.

@@ -282,6 +282,7 @@ pub fn sample() -> MissionRecord {
             fault: Some(FaultChoice { name: FaultName::LateObstacle, severity: 1 }),
             layers: LayerNames::default(),
         },
+        layers: LayerNames::default().all(),
         arrived: true,
         no_way: None,
         mission_s: DURATION_S,
