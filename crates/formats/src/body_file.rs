@@ -225,8 +225,7 @@ mod tests {
     #[test]
     fn toml_and_json_round_trip() {
         for name in ["body.toml", "body.json"] {
-            let path = std::env::temp_dir().join(format!("tumble-{}-{name}", std::process::id()));
-            fs::write(&path, export(&path, &body()).unwrap()).unwrap();
+            let path = crate::testing::scratch_file(name, export(Path::new(name), &body()).unwrap());
             let back = read(&path).unwrap();
             fs::remove_file(&path).unwrap();
             assert!((back.to_vector() - body().to_vector()).amax() < 1e-14);

@@ -303,9 +303,7 @@ mod tests {
     }
 
     fn written(name: &str, text: &str) -> std::path::PathBuf {
-        let path = std::env::temp_dir().join(format!("tumble-excitation-{name}-{}.toml", std::process::id()));
-        fs::write(&path, text).unwrap();
-        path
+        crate::testing::scratch_file(&format!("excitation-{name}.toml"), text)
     }
 
     #[test]

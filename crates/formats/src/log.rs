@@ -292,10 +292,9 @@ mod tests {
 
     #[test]
     fn every_cell_lands_where_its_column_says() {
-        let path = std::env::temp_dir().join(format!("tumble-log-columns-{}.csv", std::process::id()));
         let text = "f_z,q_w,q_x,q_y,q_z,t_s,p_z,p_x,p_y,tau_x,tau_y,tau_z,f_x,f_y,w_x,w_y,w_z\n\
                     6,0.5,0.1,-0.7,0.5,1700000000.000000001,13,11,12,1,2,3,4,5,7,8,9\n";
-        std::fs::write(&path, text).unwrap();
+        let path = crate::testing::scratch_file("log-columns.csv", text);
         let sample = LogReader::open(&path, false).unwrap().next_sample().unwrap().unwrap();
         std::fs::remove_file(&path).unwrap();
         assert_eq!(sample.time_ns, 1_700_000_000_000_000_001);

@@ -174,15 +174,9 @@ fn is_pipe(_: fs::FileType) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::scratch;
     use flate2::Compression;
     use flate2::write::GzEncoder;
-
-    fn scratch(name: &str) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("tumble-log-file-{}-{name}", std::process::id()));
-        let _ = fs::remove_dir_all(&folder);
-        fs::create_dir_all(&folder).unwrap();
-        folder
-    }
 
     fn compressed(text: &[u8]) -> Vec<u8> {
         let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());

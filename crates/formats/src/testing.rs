@@ -1,4 +1,4 @@
-//! For tests of readers: files damaged in every simple way, bags and ULogs written by hand, recordings of another library.
+//! For tests of readers: files damaged in every simple way, bags and ULogs written by hand, recordings of another library, places to write to.
 #![allow(
     clippy::unwrap_used,
     clippy::indexing_slicing,
@@ -10,9 +10,11 @@
 
 pub mod bag_writer;
 pub mod corruption;
+mod scratch;
 pub mod ulog_writer;
 mod unpacked_mcap;
 
+pub use scratch::{scratch, scratch_file};
 pub use unpacked_mcap::unpacked_mcap;
 
 /// A ROS 2 recording, as `rosbag2` writes it with LZ4.

@@ -224,9 +224,7 @@ mod tests {
 
     impl Written {
         fn new(name: &str, text: &str) -> Self {
-            let path = std::env::temp_dir().join(format!("tumble-wheel-throw-{}-{name}", std::process::id()));
-            std::fs::write(&path, text).unwrap();
-            Self(path)
+            Self(crate::testing::scratch_file(&format!("wheel-throw-{name}"), text))
         }
     }
 

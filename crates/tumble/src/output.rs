@@ -349,13 +349,7 @@ impl Drop for OutputFolder {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn scratch(name: &str) -> PathBuf {
-        let path = std::env::temp_dir().join(format!("tumble-output-{name}-{}", std::process::id()));
-        let _ = fs::remove_dir_all(&path);
-        fs::create_dir_all(&path).unwrap();
-        path
-    }
+    use tumble_formats::testing::scratch;
 
     #[test]
     fn an_unfinished_folder_leaves_nothing() {

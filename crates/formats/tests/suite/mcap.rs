@@ -12,7 +12,7 @@ use tumble_formats::recording::mcap_writer::McapWriter;
 use tumble_formats::recording::messages::{Message, Pose, decode};
 use tumble_formats::recording::rows::{Cell, RowSink};
 use tumble_formats::recording::{Encoding, RawMessage, ScanReport, foxglove};
-use tumble_formats::testing::unpacked_mcap;
+use tumble_formats::testing::{scratch_file, unpacked_mcap};
 use tumble_formats::{FormatsError, Robots};
 use tumble_lie::Pose as RigidPose;
 
@@ -595,8 +595,7 @@ fn a_log_of_ours_is_a_flight() {
         }
         rows.rows.push((i64::from(n) * 16_000_000, cells));
     }
-    let path = std::env::temp_dir().join(format!("tumble-flight-{}.mcap", std::process::id()));
-    std::fs::write(&path, write(&rows)).unwrap();
+    let path = scratch_file("flight.mcap", write(&rows));
     let mut flight = FlightReader::open(&path, None, &Robots::none()).unwrap();
     let samples: Vec<_> = std::iter::from_fn(|| flight.next_sample().unwrap()).collect();
     std::fs::remove_file(&path).unwrap();

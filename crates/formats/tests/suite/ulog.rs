@@ -8,6 +8,7 @@ use tumble_formats::log::CommandedSample;
 use tumble_formats::recording::ulog::{UlogReport, scan};
 use tumble_formats::recording::{ulog_flight, ulog_flight::UlogSurvey};
 use tumble_formats::testing::corruption::{Damage, sweep};
+use tumble_formats::testing::scratch_file;
 use tumble_formats::testing::ulog_writer::{UlogWriter, floats};
 
 /// Topic, time in ns, and every field by its path, as text.
@@ -308,18 +309,12 @@ fn flight(gravity: f64) -> UlogWriter {
     file
 }
 
-fn scratch(name: &str, bytes: &[u8]) -> std::path::PathBuf {
-    let path = std::env::temp_dir().join(format!("tumble-ulog-{}-{name}.ulg", std::process::id()));
-    std::fs::write(&path, bytes).unwrap();
-    path
-}
-
 fn samples(
     name: &str,
     bytes: &[u8],
     bounded: bool,
 ) -> Result<(UlogSurvey, Vec<CommandedSample>, Vec<String>), FormatsError> {
-    let path = scratch(name, bytes);
+    let path = scratch_file(&format!("{name}.ulg"), bytes);
     let (survey, plan) = ulog_flight::open(&path, None)?;
     let mut samples = Vec::new();
     let tally = ulog_flight::read(&path, &survey, &survey.commands, bounded, &mut |sample| {

@@ -113,7 +113,7 @@ mod tests {
     fn a_reader_finds_the_cells_of_the_table() {
         let plan = plan(5);
         let rows = rows_of(&plan);
-        let path = std::env::temp_dir().join(format!("tumble-rows-{}.parquet", std::process::id()));
+        let path = tumble_formats::testing::scratch("parquet").join("rows.parquet");
         write(&path, &rows).unwrap();
         let reader = SerializedFileReader::new(File::open(&path).unwrap()).unwrap();
         let mut count = 0;

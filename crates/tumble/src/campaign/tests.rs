@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use tumble_formats::FormatsError;
+use tumble_formats::testing::scratch;
 use tumble_identification::noise::Gaussian;
 
 /// A made-up mission, in a few microseconds: the same seed and options give the same numbers.
@@ -95,16 +96,9 @@ pub(super) fn plan(missions: u64) -> CampaignPlan {
     CampaignPlan::try_new(configuration(missions)).unwrap()
 }
 
-fn scratch(name: &str) -> PathBuf {
-    let path = std::env::temp_dir().join(format!("tumble-campaign-{name}-{}", std::process::id()));
-    let _ = fs::remove_dir_all(&path);
-    fs::create_dir_all(&path).unwrap();
-    path
-}
-
 /// All rows, flown by a few threads, without a folder that stays.
 pub(super) fn rows_of(plan: &CampaignPlan) -> Vec<Row> {
-    let base = scratch(&format!("rows-{}-{:?}", plan.rows(), std::thread::current().id()));
+    let base = scratch("rows");
     let (mut journal, begun) = Journal::open(&base).unwrap();
     let rows = execute(plan, Shard::WHOLE, 3, &Fake, (&mut journal, begun), |_| ()).unwrap();
     fs::remove_dir_all(base).unwrap();

@@ -17,6 +17,7 @@ use tumble_dynamics::nalgebra::{Matrix3, Matrix4, Rotation3, Vector3};
 use tumble_dynamics::{InertialParameters, Joint, JointAxis, Link, Multibody, strategies};
 use tumble_formats::FormatsError;
 use tumble_formats::arm::{ArmFrame, ArmJoint, ArmModel, BaseKind, DriveGain, JointLimits};
+use tumble_formats::testing::scratch_file;
 use tumble_lie::Pose;
 
 fn arm(text: &str) -> Result<ArmModel, FormatsError> {
@@ -537,8 +538,7 @@ fn the_command_lists_and_shows() {
     assert_eq!(table.matches("a body, margin 0.").count(), 3, "{table}");
     let (_, table, _) = tumble(&["arm", "show", "ur10e"]);
     assert_eq!(table.matches("not known").count(), 8, "{table}");
-    let path = std::env::temp_dir().join(format!("tumble-arm-{}.urdf", std::process::id()));
-    std::fs::write(&path, six_axes()).unwrap();
+    let path = scratch_file("arm.urdf", six_axes());
     let name = path.to_str().unwrap();
     let (code, text, warnings) = tumble(&["arm", "show", name, "--as", "toml"]);
     assert!(code == 0 && warnings.contains("tool0"), "{warnings}");

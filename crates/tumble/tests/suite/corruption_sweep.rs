@@ -14,6 +14,7 @@ use tumble_astrobee::propulsion::{AreaTable, PositivityShift};
 use tumble_formats::FormatsError;
 use tumble_formats::log::{LogReader, TEMPLATE};
 use tumble_formats::testing::corruption::{Damage, sweep};
+use tumble_formats::testing::scratch_file;
 use tumble_formats::wheel_throw::{parse_throw, read_calibration};
 use tumble_formats::{body_file, excitation_file::ExcitationFile};
 use tumble_identification::MotionSample;
@@ -292,7 +293,7 @@ fn a_million_waypoints_are_flown() {
     let mut flight = ScenarioSource::parse(Path::new("scenario.toml"), &text).unwrap().flight().unwrap();
     assert!(flight.step().unwrap().is_some());
     // but not from a file, which nobody wrote
-    let path = scratch("waypoints.toml", text.as_bytes());
+    let path = scratch_file("waypoints.toml", text.as_bytes());
     let message = ScenarioSource::find(path.to_str().unwrap()).unwrap_err().to_string();
     assert!(message.contains("longer than 1048576 bytes"), "{message}");
     fs::remove_file(&path).unwrap();
@@ -457,16 +458,9 @@ fn times_that_cannot_be_are_named() {
     }
 }
 
-/// A file of its own for each test.
-fn scratch(name: &str, bytes: &[u8]) -> PathBuf {
-    let path = std::env::temp_dir().join(format!("tumble-hostile-{}-{name}", std::process::id()));
-    fs::write(&path, bytes).unwrap();
-    path
-}
-
 /// What each reader of TOML says to this text.
 fn refusals(name: &str, bytes: &[u8]) -> [String; 4] {
-    let path = scratch(name, bytes);
+    let path = scratch_file(name, bytes);
     let said = [
         body_file::read(&path).unwrap_err().to_string(),
         body_file::read_prior(&path).unwrap_err().to_string(),
@@ -485,7 +479,7 @@ fn refusals(name: &str, bytes: &[u8]) -> [String; 4] {
 #[test]
 fn toml_of_any_size_is_refused_before_it_is_read() {
     // a terabyte that takes no place on the disk
-    let path = scratch("sparse.toml", b"mass_kg = 1\n");
+    let path = scratch_file("sparse.toml", b"mass_kg = 1\n");
     let file = fs::OpenOptions::new().write(true).open(&path).unwrap();
     if file.set_len(1 << 40).is_err() {
         file.set_len(1 << 30).unwrap();
@@ -512,7 +506,7 @@ fn deep_toml_is_refused() {
     refusals("tables.toml", tables.as_bytes());
     refusals("dotted.toml", format!("{}a = 1\n", "a.".repeat(depth)).as_bytes());
     refusals("header.toml", format!("[{}a]\nb = 1\n", "a.".repeat(depth)).as_bytes());
-    let json = scratch("deep.json", "[".repeat(depth).as_bytes());
+    let json = scratch_file("deep.json", "[".repeat(depth).as_bytes());
     assert!(body_file::read(&json).unwrap_err().to_string().contains("deep.json"));
     fs::remove_file(&json).unwrap();
 }
@@ -539,7 +533,7 @@ fn toml_numbers_beyond_any_are_refused() {
     for mass in ["1e999", "-1e999", "inf", "nan", "18446744073709551616", "99999999999999999999999999"] {
         refusals("numbers.toml", body(mass).as_bytes());
     }
-    let path = scratch("good.toml", body("1.0").as_bytes());
+    let path = scratch_file("good.toml", body("1.0").as_bytes());
     assert!((body_file::read(&path).unwrap().mass - 1.0).abs() < 1e-15);
     fs::remove_file(&path).unwrap();
 }
