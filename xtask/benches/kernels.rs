@@ -4,8 +4,9 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{SMatrix, SVector};
 use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
+use rand_core::SeedableRng;
 use std::hint::black_box;
+use tumble_identification::noise::signed_unit;
 use tumble_identification::{
     BodyScale, ConstrainedLeastSquares, InteriorPoint, PseudoInertiaCone, SquareRootInformation,
 };
@@ -13,17 +14,13 @@ use tumble_identification::{
 #[path = "../../crates/identification/tests/suite/golden/problem4_hard.rs"]
 mod problem4_hard;
 
-fn uniform(rng: &mut ChaCha8Rng) -> f64 {
-    (rng.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-}
-
 fn benches(criterion: &mut Criterion) {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut information = SquareRootInformation::<10>::new();
     let blocks: Vec<_> = (0..64)
         .map(|_| {
-            let block = SMatrix::<f64, 6, 10>::from_fn(|_, _| uniform(&mut rng));
-            (block, SVector::<f64, 6>::from_fn(|_, _| uniform(&mut rng)))
+            let block = SMatrix::<f64, 6, 10>::from_fn(|_, _| signed_unit(&mut rng));
+            (block, SVector::<f64, 6>::from_fn(|_, _| signed_unit(&mut rng)))
         })
         .collect();
     for (block, rhs) in &blocks {

@@ -4,8 +4,9 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
 use std::hint::black_box;
+use tumble_identification::noise::signed_unit;
 use tumble_planning::collision::{BodyShape, CollisionWorld, EllipsoidWorld, ParryBody, ParryWorld};
 use tumble_planning::dynamics::{AlignedBox, ObstacleEllipsoid, World};
 use tumble_planning::lie::Pose;
@@ -14,7 +15,7 @@ use tumble_planning::parry3d_f64::shape::{Ball, SharedShape};
 use tumble_planning::{BodyArc, TranslationState};
 
 fn vector(generator: &mut ChaCha8Rng, size: f64) -> Vector3<f64> {
-    Vector3::from_fn(|_, _| ((generator.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0) * size)
+    Vector3::from_fn(|_, _| signed_unit(generator) * size)
 }
 
 fn queries<W: CollisionWorld>(criterion: &mut Criterion, name: &str, world: &W, body: &W::Body) {

@@ -1,4 +1,4 @@
-//! Seeded Gaussian noise: one named generator, `libm` functions, so the same seed gives the same bytes everywhere.
+//! Seeded random numbers: one named generator, `libm` functions, so the same seed gives the same bytes everywhere.
 
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
@@ -18,8 +18,7 @@ impl Gaussian {
 
     /// Uniform on [0, 1).
     pub fn uniform(&mut self) -> f64 {
-        // 53 random bits
-        (self.rng.next_u64() >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
+        unit_interval(&mut self.rng)
     }
 
     /// One standard normal number (Marsaglia's polar method).
@@ -42,6 +41,22 @@ impl Gaussian {
     pub fn vector(&mut self, sigma: f64) -> Vector3<f64> {
         Vector3::new(self.normal(), self.normal(), self.normal()) * sigma
     }
+}
+
+/// Uniform in [0, 1): the 53 high bits of one draw.
+pub fn unit_interval(rng: &mut (impl Rng + ?Sized)) -> f64 {
+    const SPACING: f64 = 1.0 / (1_u64 << 53) as f64;
+    (rng.next_u64() >> 11) as f64 * SPACING
+}
+
+/// Uniform in [-1, 1).
+pub fn signed_unit(rng: &mut (impl Rng + ?Sized)) -> f64 {
+    2.0 * unit_interval(rng) - 1.0
+}
+
+/// Uniform in [low, high).
+pub fn between(rng: &mut (impl Rng + ?Sized), low: f64, high: f64) -> f64 {
+    low + (high - low) * unit_interval(rng)
 }
 
 /// A bijection of 64 bits whose every output bit depends on every input bit.

@@ -31,4 +31,5 @@ pub use budget::{Budget, Units};
 pub use error::PlanningError;
 pub use kinodynamic::{BodyMotion, DoubleIntegrator, KinodynamicModel, Primitive, Propagation};
 pub use motion::{ArcPath, BodyArc, COEFFICIENTS, TranslationState};
-pub use state_space::{StateSpace, unit_interval};
+pub use state_space::StateSpace;
+pub use tumble_identification::noise::unit_interval;

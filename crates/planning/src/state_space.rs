@@ -51,9 +51,3 @@ pub trait StateSpace {
     /// Any state of the set.
     fn sample(&self, rng: &mut dyn Rng) -> Self::State;
 }
-
-/// Uniform in [0, 1): the 53 high bits of one draw.
-pub fn unit_interval(rng: &mut dyn Rng) -> f64 {
-    const SPACING: f64 = 1.0 / (1_u64 << 53) as f64;
-    (rng.next_u64() >> 11) as f64 * SPACING
-}

@@ -3,6 +3,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use tumble_identification::noise;
 use tumble_planning::collision::{
     Blocker, BodyShape, CollisionWorld, EllipsoidWorld, PARRY_TOLERANCE, ParryBody, ParryWorld,
 };
@@ -26,7 +27,7 @@ impl Draws {
     }
 
     fn between(&mut self, lower: f64, upper: f64) -> f64 {
-        lower + (upper - lower) * ((self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64)
+        noise::between(&mut self.0, lower, upper)
     }
 
     fn vector(&mut self, size: f64) -> Vector3<f64> {

@@ -14,8 +14,9 @@ use tumble_dynamics::Actuation as _;
 use tumble_lie::Wrench;
 
 use crate::Failure;
-use crate::bench::{Bench, Goal, uniform};
+use crate::bench::{Bench, Goal};
 use crate::measured::{Measured, columns};
+use tumble_identification::noise::signed_unit;
 
 /// Name of the set and of its folder.
 pub const SET: &str = "astrobee";
@@ -235,7 +236,7 @@ pub fn run(bench: &mut Bench) -> Result<(), Failure> {
     let mut generator = ChaCha8Rng::seed_from_u64(11);
     let com = Vector3::new(0.003_713_818, -0.000_326_347, -0.002_532_192);
     let allocation = ForceAllocation::new(ImpellerMode::Nominal, com);
-    let mut draw = |size: f64| Vector3::from_fn(|_, _| size * uniform(&mut generator));
+    let mut draw = |size: f64| Vector3::from_fn(|_, _| size * signed_unit(&mut generator));
     let wrenches: Vec<Wrench<f64>> = (0..COUNT).map(|_| Wrench::new(draw(0.003), draw(0.03))).collect();
     let refused = |error: tumble_dynamics::DynamicsError| Failure::BadInput(error.to_string());
     let steps: Result<Vec<Allocation>, _> = wrenches.iter().map(|wrench| allocation.allocate_steps(wrench)).collect();

@@ -18,8 +18,8 @@ use tumble_lie::{Pose, Product, Stacked, Twist, Wrench};
 
 use crate::Failure;
 use crate::arguments::Arguments;
-use crate::bench::uniform;
 use crate::targets::Report;
+use tumble_identification::noise::signed_unit;
 
 /// Noise of the issue: 1e-3 rad/s; a velocity good to a millimetre a second, joints to a tenth of the gyroscope.
 const NOISE: VelocityNoise = VelocityNoise { base_rate_rad_s: 1e-3, base_velocity_m_s: 1e-3, joint_rate: 1e-4 };
@@ -108,8 +108,8 @@ fn float(tree: &Multibody<f64>, motion: &JointMotion, momentum: &Wrench<f64>) ->
 }
 
 fn gaussian(generator: &mut ChaCha8Rng) -> f64 {
-    let radius = (-2.0 * (0.5 * (1.0 - uniform(generator))).max(f64::MIN_POSITIVE).ln()).sqrt();
-    radius * (std::f64::consts::PI * uniform(generator)).cos()
+    let radius = (-2.0 * (0.5 * (1.0 - signed_unit(generator))).max(f64::MIN_POSITIVE).ln()).sqrt();
+    radius * (std::f64::consts::PI * signed_unit(generator)).cos()
 }
 
 fn noisy(clean: &[TreeSample], seed: u64) -> Vec<TreeSample> {

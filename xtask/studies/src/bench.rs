@@ -6,8 +6,9 @@ use std::time::Instant;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
 use serde_json::json;
+use tumble_identification::noise::signed_unit;
 
 use crate::arguments::Arguments;
 use crate::{Failure, Problem};
@@ -74,7 +75,7 @@ pub struct Calibration(Vec<Vector3<f64>>);
 impl Default for Calibration {
     fn default() -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(0);
-        Self((0..1024).map(|_| Vector3::from_fn(|_, _| 1.8 * uniform(&mut generator))).collect())
+        Self((0..1024).map(|_| Vector3::from_fn(|_, _| 1.8 * signed_unit(&mut generator))).collect())
     }
 }
 
@@ -128,12 +129,6 @@ pub fn run(arguments: &Arguments, problems: &[Problem]) -> Result<(), Failure> {
         );
     }
     Ok(())
-}
-
-/// Uniform in [-1, 1).
-pub fn uniform(generator: &mut ChaCha8Rng) -> f64 {
-    const UNIT: f64 = 1.0 / (1_u64 << 53) as f64;
-    2.0 * (generator.next_u64() >> 11) as f64 * UNIT - 1.0
 }
 
 /// The numbers of a CSV file of the frozen inputs, one row per line.

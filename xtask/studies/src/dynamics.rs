@@ -8,7 +8,8 @@ use tumble_identification::regressors::newton_euler;
 use tumble_lie::{Twist, Wrench};
 
 use crate::Failure;
-use crate::bench::{Bench, Goal, numbers, uniform};
+use crate::bench::{Bench, Goal, numbers};
+use tumble_identification::noise::signed_unit;
 
 const PROBLEM: &str = "dynamics";
 
@@ -97,7 +98,7 @@ fn cases(bench: &Bench) -> Result<Vec<Case>, Failure> {
     let Some(folder) = &bench.data else {
         eprintln!("skipped: the frozen inputs of problem 2 (--data DIR); states are drawn from seed 2");
         let mut generator = ChaCha8Rng::seed_from_u64(2);
-        let mut draw = || Vector3::from_fn(|_, _| uniform(&mut generator));
+        let mut draw = || Vector3::from_fn(|_, _| signed_unit(&mut generator));
         return Ok((0..64)
             .map(|_| Case {
                 twist: Twist::new(draw(), draw()),

@@ -12,9 +12,10 @@ use tumble_identification::recursive::{
 use tumble_identification::{BodyScale, InteriorPoint, PseudoInertiaCone};
 
 use crate::Failure;
-use crate::bench::{Bench, Goal, numbers, uniform};
+use crate::bench::{Bench, Goal, numbers};
 use crate::dynamics::ch5_body;
 use crate::ident_sdp;
+use tumble_identification::noise::signed_unit;
 
 const PROBLEM: &str = "ekf_rls";
 /// Mass and principal moments behind the frozen data.
@@ -37,7 +38,7 @@ pub fn run(bench: &mut Bench) -> Result<(), Failure> {
     eprintln!("skipped: the frozen data of problem 5 (--data DIR); only updates of random rows are timed");
     let mut generator = ChaCha8Rng::seed_from_u64(5);
     let mut random = || {
-        let block = SMatrix::from_fn(|_, _| uniform(&mut generator));
+        let block = SMatrix::from_fn(|_, _| signed_unit(&mut generator));
         (block, block * ch5_body().to_vector())
     };
     ten_parameters(bench, &(0..600).map(|_| random()).collect())

@@ -13,8 +13,9 @@ use tumble_identification::{
 };
 
 use crate::Failure;
-use crate::bench::{Bench, Goal, numbers, uniform};
+use crate::bench::{Bench, Goal, numbers};
 use crate::dynamics::ch5_body;
+use tumble_identification::noise::signed_unit;
 
 const PROBLEM: &str = "ident_sdp";
 const STEP_S: f64 = 0.05;
@@ -51,8 +52,8 @@ fn failed(error: impl std::fmt::Display) -> Failure {
 fn update(bench: &Bench, frozen: Option<&Rows>) {
     let mut generator = ChaCha8Rng::seed_from_u64(4);
     let mut random = || -> (Regressor<f64>, SVector<f64, 6>) {
-        let block = SMatrix::from_fn(|_, _| uniform(&mut generator));
-        (block, SVector::from_fn(|_, _| uniform(&mut generator)))
+        let block = SMatrix::from_fn(|_, _| signed_unit(&mut generator));
+        (block, SVector::from_fn(|_, _| signed_unit(&mut generator)))
     };
     let rows = frozen.map_or_else(|| (0..600).map(|_| random()).collect(), Rows::clone);
     let mut information = SquareRootInformation::<10>::new();

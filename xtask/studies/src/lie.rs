@@ -12,7 +12,8 @@ use rand_chacha::rand_core::SeedableRng;
 use tumble_lie as lie;
 
 use crate::Failure;
-use crate::bench::{Bench, Goal, numbers, uniform};
+use crate::bench::{Bench, Goal, numbers};
+use tumble_identification::noise::signed_unit;
 
 const PROBLEM: &str = "lie";
 const ALGEBRA: f64 = 1.1;
@@ -140,7 +141,7 @@ fn tangents(bench: &Bench) -> Result<Vec<Vector6<f64>>, Failure> {
         let mut generator = ChaCha8Rng::seed_from_u64(1);
         return Ok((0..1024)
             .map(|_| {
-                let mut draw = || Vector3::from_fn(|_, _| uniform(&mut generator));
+                let mut draw = || Vector3::from_fn(|_, _| signed_unit(&mut generator));
                 let (rho, axis, turn) = (draw(), draw(), draw());
                 let angle = 0.5 * (1.0 + turn.x) * (std::f64::consts::PI - 0.1);
                 let phi = axis.normalize() * angle;

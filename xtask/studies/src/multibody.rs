@@ -9,7 +9,8 @@ use tumble_dynamics::{
 use tumble_lie::{Pose, Twist, Wrench};
 
 use crate::Failure;
-use crate::bench::{Bench, Goal, numbers, uniform};
+use crate::bench::{Bench, Goal, numbers};
+use tumble_identification::noise::signed_unit;
 
 const PROBLEM: &str = "multibody";
 const BASE_KG: f64 = 9.5838;
@@ -194,7 +195,7 @@ fn cases<const J: usize>(bench: &Bench) -> Result<Vec<Case<J>>, Failure> {
         numbers(&folder.join("mb_states.csv"))?
     } else {
         eprintln!("skipped: the frozen inputs of problem 2 (--data DIR); states are drawn from seed 2");
-        (0..64).map(|_| (0..53).map(|_| uniform(&mut generator)).collect()).collect()
+        (0..64).map(|_| (0..53).map(|_| signed_unit(&mut generator)).collect()).collect()
     };
     let case = |row: &Vec<f64>| {
         if row.len() < 53 {

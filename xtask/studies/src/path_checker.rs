@@ -357,14 +357,15 @@ mod tests {
     use tumble_dynamics::ObstacleEllipsoid;
     use tumble_planning::collision::BodyEllipsoid;
 
-    use crate::bench::uniform;
+    use tumble_identification::noise::signed_unit;
 
     fn solid(rng: &mut ChaCha8Rng) -> Solid {
-        let axes = UnitQuaternion::from_euler_angles(3.0 * uniform(rng), 3.0 * uniform(rng), 3.0 * uniform(rng));
+        let axes =
+            UnitQuaternion::from_euler_angles(3.0 * signed_unit(rng), 3.0 * signed_unit(rng), 3.0 * signed_unit(rng));
         Solid {
-            center: Vector3::from_fn(|_, _| uniform(rng)),
+            center: Vector3::from_fn(|_, _| signed_unit(rng)),
             axes: rotation(&axes.coords.into()),
-            semi_axes: Vector3::from_fn(|_, _| 0.6 + 0.5 * uniform(rng)),
+            semi_axes: Vector3::from_fn(|_, _| 0.6 + 0.5 * signed_unit(rng)),
         }
     }
 
@@ -387,7 +388,7 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         for _ in 0..20 {
             let solid = solid(&mut rng);
-            let point = Vector3::from_fn(|_, _| 1.5 * uniform(&mut rng));
+            let point = Vector3::from_fn(|_, _| 1.5 * signed_unit(&mut rng));
             let found = distance_to_ellipsoid(&point, &solid, f64::INFINITY);
             let nearest = surface(&solid, 300).map(|p| (p - point).norm()).fold(f64::INFINITY, f64::min);
             assert!(nearest - found.abs() > -1e-12 && nearest - found.abs() < 1e-3, "{found} {nearest}");
@@ -412,7 +413,7 @@ mod tests {
                 assert_eq!(overlap(&a, &b), least < 0.0 || contains, "{least}");
                 seen[usize::from(overlap(&a, &b))] += 1;
             }
-            let corner = Vector3::from_fn(|_, _| 0.3 + 0.2 * uniform(&mut rng));
+            let corner = Vector3::from_fn(|_, _| 0.3 + 0.2 * signed_unit(&mut rng));
             let other = AlignedBox::between(b.center - corner, b.center + corner);
             let least = surface(&a, 100).map(|p| distance_to_box(&p, &other)).fold(f64::INFINITY, f64::min);
             if least.abs() > 1e-2 {

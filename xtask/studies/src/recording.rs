@@ -119,7 +119,8 @@ fn rows(bench: &Bench) -> Result<(), Failure> {
     let mut generator = ChaCha8Rng::seed_from_u64(1);
     let mut text = tumble_formats::log::TEMPLATE.lines().next().unwrap_or_default().to_owned();
     for time_ns in (0..).step_by(16_000_000).take(ROWS) {
-        let mut numbers: [f64; NUMBERS] = std::array::from_fn(|_| crate::bench::uniform(&mut generator));
+        let mut numbers: [f64; NUMBERS] =
+            std::array::from_fn(|_| tumble_identification::noise::signed_unit(&mut generator));
         // a unit quaternion behind the position
         numbers[3..7].copy_from_slice(&[0.6, 0.0, 0.8, 0.0]);
         text.push('\n');

@@ -10,7 +10,8 @@ use tumble_planning::{BodyArc, TranslationState};
 
 use crate::Failure;
 use crate::arguments::Arguments;
-use crate::bench::{Bench, Goal, uniform};
+use crate::bench::{Bench, Goal};
+use tumble_identification::noise::signed_unit;
 
 #[path = "../../../crates/planning/tests/suite/sweep_oracle/mod.rs"]
 #[expect(clippy::unwrap_used, reason = "shared with the tests, where it is allowed")]
@@ -19,11 +20,14 @@ mod oracle;
 const PROBLEM: &str = "sweep";
 
 fn vector(generator: &mut ChaCha8Rng, size: Vector3<f64>) -> Vector3<f64> {
-    Vector3::from_fn(|axis, _| size[axis] * uniform(generator))
+    Vector3::from_fn(|axis, _| size[axis] * signed_unit(generator))
 }
 
 fn attitude(generator: &mut ChaCha8Rng) -> UnitQuaternion<f64> {
-    UnitQuaternion::from_quaternion(Quaternion::from_parts(uniform(generator), vector(generator, Vector3::repeat(1.0))))
+    UnitQuaternion::from_quaternion(Quaternion::from_parts(
+        signed_unit(generator),
+        vector(generator, Vector3::repeat(1.0)),
+    ))
 }
 
 /// A module of 1.6 x 6.4 x 1.6 m per ten obstacles, with walls.
@@ -31,7 +35,7 @@ fn world(generator: &mut ChaCha8Rng, obstacles: usize) -> (World, Vector3<f64>) 
     let half = Vector3::new(0.8, 3.2, 0.8) * f64::cbrt(obstacles as f64 / 10.0);
     let obstacle = |generator: &mut ChaCha8Rng| ObstacleEllipsoid {
         world_from_ellipsoid: Pose::from_parts(vector(generator, half).into(), attitude(generator)),
-        semi_axes: Vector3::from_fn(|_, _| 0.25 + 0.2 * uniform(generator)),
+        semi_axes: Vector3::from_fn(|_, _| 0.25 + 0.2 * signed_unit(generator)),
     };
     let obstacles = (0..obstacles).map(|_| obstacle(generator)).collect();
     (World { keep_in: vec![AlignedBox::between(-half, half)], keep_out: Vec::new(), obstacles }, half)
@@ -55,7 +59,7 @@ fn edges(
             arc.position[power] = vector(generator, Vector3::repeat(0.3 * 8.0_f64.powf(-(power as f64))));
         }
         if turns {
-            arc.angle[1] = 0.2 * uniform(generator);
+            arc.angle[1] = 0.2 * signed_unit(generator);
         }
         let clearance =
             world.clearance(body, &arc.pose(0.0), 0.0).map_err(|error| Failure::BadInput(error.to_string()))?;

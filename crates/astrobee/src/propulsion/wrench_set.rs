@@ -96,8 +96,9 @@ mod tests {
     use super::*;
     use crate::propulsion::ForceAllocation;
     use rand_chacha::ChaCha8Rng;
-    use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
+    use rand_chacha::rand_core::SeedableRng as _;
     use tumble_dynamics::Actuation as _;
+    use tumble_identification::noise::signed_unit;
 
     /// How far a direction may be scaled.
     fn reach(set: &WrenchSet<6>, direction: &SVector<f64, 6>) -> f64 {
@@ -119,7 +120,7 @@ mod tests {
     #[test]
     fn what_is_inside_is_given_and_what_is_far_outside_is_not() {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
-        let mut uniform = move || (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64 * 2.0 - 1.0;
+        let mut uniform = move || signed_unit(&mut rng);
         for mode in [ImpellerMode::Quiet, ImpellerMode::Nominal, ImpellerMode::Aggressive] {
             let set = nozzle_wrench_set(mode).unwrap();
             assert_eq!(set.half_spaces.len(), 164);

@@ -10,9 +10,10 @@ use crate::dynamics::{Actuation, InertialParameters};
 use crate::error::IdentificationError;
 use crate::fourier::{AttitudeChart, ChannelExtremes, FourierBasis, FourierMotion};
 use crate::lie::Wrench;
+use crate::noise::signed_unit;
 use nalgebra::{DMatrix, SMatrix, Vector6};
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
 
 /// Random motions looked at for each descent; it starts at the best.
 const CANDIDATES: usize = 8;
@@ -344,7 +345,7 @@ impl<'a, C: ExcitationCriterion<P>, const P: usize> Rung<'a, C, P> {
         let mut slacks = Vec::new();
         let mut free = vec![[0.0; 6]; self.limits.free()];
         for _ in 0..CANDIDATES {
-            let mut scaled: Vec<f64> = (0..self.limits.numbers()).map(|_| uniform(generator)).collect();
+            let mut scaled: Vec<f64> = (0..self.limits.numbers()).map(|_| signed_unit(generator)).collect();
             self.limits.shrink(&mut scaled, 0.8);
             if !self.limits.slacks(&scaled, &mut slacks) {
                 continue;
@@ -371,10 +372,4 @@ fn from_one_start<C: ExcitationCriterion<P>, const P: usize>(
         motion = rung.roughly(motion.as_ref(), descents, generator);
     }
     last.finely(&motion?)
-}
-
-/// Uniform in [-1, 1).
-fn uniform(generator: &mut ChaCha8Rng) -> f64 {
-    const UNIT: f64 = 1.0 / (1_u64 << 53) as f64;
-    2.0 * (generator.next_u64() >> 11) as f64 * UNIT - 1.0
 }

@@ -243,14 +243,15 @@ fn turning<const N: usize>(rate: &[f64; N]) -> [f64; N] {
 mod tests {
     use super::*;
     use crate::fourier::FourierBasis;
+    use crate::noise::signed_unit;
     use core::f64::consts::TAU;
     use nalgebra::{DMatrix, Matrix3, Vector3};
     use rand_chacha::ChaCha8Rng;
-    use rand_core::{Rng, SeedableRng};
+    use rand_core::SeedableRng;
 
     fn random_motion(seed: u64, harmonics: usize, chart: AttitudeChart) -> FourierMotion {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut uniform = || (rng.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0;
+        let mut uniform = || signed_unit(&mut rng);
         let basis = FourierBasis::try_new(3.0 + uniform(), harmonics).unwrap();
         let mut coefficients =
             DMatrix::from_fn(basis.coefficients(), 3 + chart.channels(), |_, _| uniform() / harmonics as f64);

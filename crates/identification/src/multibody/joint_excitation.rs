@@ -16,9 +16,10 @@ use crate::body_scale::BodyScale;
 use crate::dynamics::{BodyAcceleration, Multibody};
 use crate::error::IdentificationError;
 use crate::lie::{LieGroup, Pose, Twist, Wrench};
+use crate::noise::unit_interval;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
 use std::f64::consts::{PI, TAU};
 
 /// Samples of the limits per harmonic; the bound between them is 0.5 % above the largest.
@@ -297,7 +298,7 @@ fn singular_values(information: &LinkInformation, space: &DMatrix<f64>) -> DVect
 }
 
 fn gaussian(generator: &mut ChaCha8Rng) -> f64 {
-    let mut uniform = || (generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+    let mut uniform = || unit_interval(generator);
     let (radius, angle) = (1.0 - uniform(), uniform());
     (-2.0 * radius.ln()).sqrt() * (TAU * angle).cos()
 }

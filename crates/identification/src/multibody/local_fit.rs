@@ -181,16 +181,13 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::noise::signed_unit;
     use rand_chacha::ChaCha8Rng;
-    use rand_chacha::rand_core::{Rng, SeedableRng};
-
-    fn uniform(generator: &mut ChaCha8Rng) -> f64 {
-        2.0 * (generator.next_u64() >> 11) as f64 / (1u64 << 53) as f64 - 1.0
-    }
+    use rand_chacha::rand_core::SeedableRng;
 
     /// Steps of 10 ms, each row off by a third of one, and half a second missing.
     fn jittered(generator: &mut ChaCha8Rng) -> Vec<f64> {
-        let row = |k: usize| 0.01 * (k as f64 + 0.33 * uniform(generator)) + if k > 1000 { 0.5 } else { 0.0 };
+        let row = |k: usize| 0.01 * (k as f64 + 0.33 * signed_unit(generator)) + if k > 1000 { 0.5 } else { 0.0 };
         (0..3000).map(row).collect()
     }
 
@@ -216,7 +213,7 @@ mod tests {
             let mut generator = ChaCha8Rng::seed_from_u64(seed);
             let times = jittered(&mut generator);
             let angle = |t: f64| (3.0 * t).sin() + 0.2 * (8.0 * t + 1.0).sin();
-            let signal: Vec<f64> = times.iter().map(|t| angle(*t) + noise * uniform(&mut generator)).collect();
+            let signal: Vec<f64> = times.iter().map(|t| angle(*t) + noise * signed_unit(&mut generator)).collect();
             let fit = LocalFit::choose(&times, &[&signal], 2).unwrap();
             // slope of what is found over the truth, and what is left of it
             let (mut both, mut truth, mut left) = (0.0, 0.0, 0.0);

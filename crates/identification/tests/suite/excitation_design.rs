@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::float_cmp)]
 
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
 use std::f64::consts::TAU;
 use tumble_identification::dynamics::{Actuation, DynamicsError, InertialParameters, WrenchBox};
 use tumble_identification::excitation::{
@@ -12,6 +12,7 @@ use tumble_identification::excitation::{
 use tumble_identification::fourier::{FourierBasis, FourierMotion};
 use tumble_identification::lie::Wrench;
 use tumble_identification::nalgebra::{DMatrix, Matrix3, SMatrix, Vector3, Vector6};
+use tumble_identification::noise::unit_interval;
 use tumble_identification::{DOptimality, EOptimality, IdentificationError};
 
 const SAMPLES: usize = 100;
@@ -84,7 +85,7 @@ fn assert_rests(motion: &FourierMotion) {
 #[test]
 fn limits_hold_between_samples_and_are_used() {
     let mut generator = ChaCha8Rng::seed_from_u64(4);
-    let mut uniform = || (generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+    let mut uniform = || unit_interval(&mut generator);
     for harmonics in [2, 3, 5] {
         let limits: [ChannelLimits; 6] = std::array::from_fn(|channel| {
             let mut free = |size: f64| if uniform() < 0.25 { f64::INFINITY } else { size * (0.3 + uniform()) };

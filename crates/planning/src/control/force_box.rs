@@ -50,11 +50,12 @@ mod tests {
     use super::*;
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::SeedableRng;
+    use tumble_identification::noise::signed_unit;
 
     #[test]
     fn no_force_of_the_box_leaves_the_body_s_box_at_any_attitude_of_the_span() {
         let mut random = ChaCha8Rng::seed_from_u64(8);
-        let mut unit = || 2.0 * crate::unit_interval(&mut random) - 1.0;
+        let mut unit = || signed_unit(&mut random);
         let (mut fullest, limit) = (0.0_f64, Vector3::new(0.452, 0.216, 0.257));
         for _ in 0..2000 {
             let axes_from_body = UnitQuaternion::new(Vector3::new(unit(), unit(), unit()) * 3.0);

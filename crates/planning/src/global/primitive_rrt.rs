@@ -7,7 +7,7 @@ use crate::collision::{Blocker, CollisionWorld};
 use crate::error::{PlanningError, finite, positive};
 use crate::kinodynamic::BodyMotion;
 use crate::motion::{ArcPath, BodyArc, TranslationState};
-use crate::state_space::unit_interval;
+use crate::unit_interval;
 use nalgebra::{UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;

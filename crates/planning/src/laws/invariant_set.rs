@@ -4,7 +4,8 @@ use super::{LawViolation, broken_unless, require};
 use crate::control::{ConvexSet, Support};
 use nalgebra::{SMatrix, SVector};
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
+use tumble_identification::noise::signed_unit;
 
 /// The laws of a set `Z` that errors `e⁺ = A e + w`, `w` in the disturbance `W`, do not leave: in the directions of the normals, both
 /// ways, and in `directions` more, drawn with `seed`. For a polytope, its facets' normals suffice.
@@ -24,7 +25,7 @@ pub fn check_invariant_set<const N: usize>(
     tolerance: f64,
 ) -> Result<(), LawViolation> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut uniform = || (rng.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0;
+    let mut uniform = || signed_unit(&mut rng);
     // coordinates may have unlike units: in units of the set's width
     let widths = SVector::<f64, N>::from_fn(|axis, _| {
         let mut direction = SVector::<f64, N>::zeros();

@@ -5,7 +5,8 @@ use crate::error::PlanningError;
 use crate::local::{InformationWeighting, WeightingContext};
 use nalgebra::{SMatrix, SVector};
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
+use tumble_identification::noise::unit_interval;
 
 /// What a weighting promises beyond the laws that all keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,7 +59,7 @@ pub fn check_information_weighting<const P: usize, W: InformationWeighting<P>>(
     missions: usize,
 ) -> Result<(), LawViolation> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut uniform = || (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+    let mut uniform = || unit_interval(&mut rng);
     for _ in 0..missions {
         let spread = |chance: f64| libm::exp(6.9 * (2.0 * chance - 1.0));
         let initial = promise.typical_variance.map(|variance| variance * spread(uniform()));

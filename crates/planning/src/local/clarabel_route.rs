@@ -260,22 +260,19 @@ mod tests {
     use crate::budget::Units;
     use nalgebra::{DMatrix, DVector};
     use rand_chacha::ChaCha8Rng;
-    use rand_core::{Rng, SeedableRng};
+    use rand_core::SeedableRng;
+    use tumble_identification::noise::signed_unit;
 
     const EXACT: SqpSettings = SqpSettings { tolerance: 1e-7, ..SqpSettings::COLD };
-
-    fn unit(rng: &mut ChaCha8Rng) -> f64 {
-        (rng.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
 
     /// A random program whose rows begin `at` least at this value.
     fn program(rng: &mut ChaCha8Rng, at: f64) -> ToyProblem {
         let (n, rows) = (14, 10);
-        let root = DMatrix::from_fn(n, n, |_, _| unit(rng));
+        let root = DMatrix::from_fn(n, n, |_, _| signed_unit(rng));
         let h = &root * root.transpose() + DMatrix::identity(n, n) * 0.05;
-        let g = DVector::from_fn(n, |_, _| 3.0 * unit(rng));
-        let a = DMatrix::from_fn(rows, n, |_, _| unit(rng));
-        let c = DVector::from_fn(rows, |_, _| at + 0.5 * unit(rng).abs());
+        let g = DVector::from_fn(n, |_, _| 3.0 * signed_unit(rng));
+        let a = DMatrix::from_fn(rows, n, |_, _| signed_unit(rng));
+        let c = DVector::from_fn(rows, |_, _| at + 0.5 * signed_unit(rng).abs());
         ToyProblem::quadratic(h, g, c, a)
     }
 
@@ -286,7 +283,7 @@ mod tests {
         for round in 0..60 {
             // Half of them have rows that ask for more than the box gives.
             let mut problem = program(&mut rng, if round % 2 == 0 { 0.0 } else { -6.0 });
-            let z: Vec<f64> = (0..14).map(|_| unit(&mut rng)).collect();
+            let z: Vec<f64> = (0..14).map(|_| signed_unit(&mut rng)).collect();
             let penalty = 0.5 + 3.0 * f64::from(round % 5);
             assert!(problem.linearize(&z) && problem.factorise(&[0.0; 10], 0.01));
             let expected = ElasticProgram::at(&mut problem, &z).solve(penalty).unwrap();

@@ -382,6 +382,7 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
     use rand_chacha::ChaCha8Rng;
     use rand_core::{Rng, SeedableRng};
+    use tumble_identification::noise::signed_unit;
 
     struct Case {
         h: DMatrix<f64>,
@@ -392,21 +393,17 @@ mod tests {
         penalty: f64,
     }
 
-    fn unit(rng: &mut ChaCha8Rng) -> f64 {
-        (rng.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
     impl Case {
         /// Rows among which some are copies, combinations or opposites of others, or empty.
         fn random(rng: &mut ChaCha8Rng, n: usize, rows: usize) -> Self {
-            let root = DMatrix::from_fn(n, n, |_, _| unit(rng));
-            let scales = DVector::from_fn(n, |_, _| libm::pow(10.0, 1.5 * unit(rng)));
+            let root = DMatrix::from_fn(n, n, |_, _| signed_unit(rng));
+            let scales = DVector::from_fn(n, |_, _| libm::pow(10.0, 1.5 * signed_unit(rng)));
             let h = (&root * root.transpose() + DMatrix::identity(n, n) * 0.1)
                 .component_mul(&(&scales * scales.transpose()));
-            let slope = 5.0 * unit(rng).abs();
-            let g = DVector::from_fn(n, |_, _| slope * unit(rng));
-            let mut a = DMatrix::from_fn(rows, n, |_, _| unit(rng));
-            let mut c = DVector::from_fn(rows, |_, _| 0.3 + unit(rng));
+            let slope = 5.0 * signed_unit(rng).abs();
+            let g = DVector::from_fn(n, |_, _| slope * signed_unit(rng));
+            let mut a = DMatrix::from_fn(rows, n, |_, _| signed_unit(rng));
+            let mut c = DVector::from_fn(rows, |_, _| 0.3 + signed_unit(rng));
             for row in 2..rows {
                 let (one, two) = (a.row(row - 1).into_owned(), a.row(row - 2).into_owned());
                 match rng.next_u64() % 8 {
@@ -417,7 +414,7 @@ mod tests {
                     _ => {}
                 }
             }
-            let z = (0..n).map(|_| unit(rng)).collect();
+            let z = (0..n).map(|_| signed_unit(rng)).collect();
             Self { h, g, c, a, z, penalty: if rng.next_u64().is_multiple_of(2) { 0.5 } else { 20.0 } }
         }
 

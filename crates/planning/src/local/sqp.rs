@@ -342,11 +342,8 @@ mod tests {
     use crate::budget::Units;
     use nalgebra::{DMatrix, DVector};
     use rand_chacha::ChaCha8Rng;
-    use rand_core::{Rng, SeedableRng};
-
-    fn unit(rng: &mut ChaCha8Rng) -> f64 {
-        (rng.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
+    use rand_core::SeedableRng;
+    use tumble_identification::noise::signed_unit;
 
     fn search(problem: &mut ToyProblem, z: &mut [f64], settings: &SqpSettings) -> SqpOutcome {
         let mut workspace = SqpWorkspace::new(problem.unknowns, problem.rows);
@@ -453,13 +450,13 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(4);
         for _ in 0..20 {
             let (n, rows) = (12, 8);
-            let root = DMatrix::from_fn(n, n, |_, _| unit(&mut rng));
+            let root = DMatrix::from_fn(n, n, |_, _| signed_unit(&mut rng));
             let h = &root * root.transpose() + DMatrix::identity(n, n) * 0.1;
-            let g = DVector::from_fn(n, |_, _| 3.0 * unit(&mut rng));
-            let a = DMatrix::from_fn(rows, n, |_, _| unit(&mut rng));
-            let c = DVector::from_fn(rows, |_, _| 0.5 * unit(&mut rng).abs());
+            let g = DVector::from_fn(n, |_, _| 3.0 * signed_unit(&mut rng));
+            let a = DMatrix::from_fn(rows, n, |_, _| signed_unit(&mut rng));
+            let c = DVector::from_fn(rows, |_, _| 0.5 * signed_unit(&mut rng).abs());
             let mut problem = ToyProblem::quadratic(h, g, c, a);
-            let mut z: Vec<f64> = (0..n).map(|_| unit(&mut rng)).collect();
+            let mut z: Vec<f64> = (0..n).map(|_| signed_unit(&mut rng)).collect();
             let settings = SqpSettings { damping: 0.0, penalty: 100.0, ..EXACT };
             let outcome = search(&mut problem, &mut z, &settings);
             assert_eq!((outcome.status, outcome.iterations), (SqpStatus::Converged, 2), "{outcome:?}");
@@ -495,7 +492,7 @@ mod tests {
         let mut most = 0;
         for _ in 0..20 {
             let mut problem = string(12, vec![[-0.4, 0.1, 0.3], [0.3, -0.1, 0.25]]);
-            let mut z: Vec<f64> = (0..24).map(|_| unit(&mut rng)).collect();
+            let mut z: Vec<f64> = (0..24).map(|_| signed_unit(&mut rng)).collect();
             let outcome = search(&mut problem, &mut z, &EXACT);
             assert_eq!(outcome.status, SqpStatus::Converged, "{outcome:?}");
             assert!(outcome.violation <= 1e-6 && outcome.worst_row.is_none() && outcome.active >= 2, "{outcome:?}");

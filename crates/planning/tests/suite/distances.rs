@@ -2,8 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::float_cmp, clippy::cast_possible_truncation)]
 
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
 use tumble_dynamics::AlignedBox;
+use tumble_identification::noise::between;
 use tumble_lie::Pose;
 use tumble_lie::nalgebra::{Point3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3, Vector4};
 use tumble_planning::collision::{
@@ -21,7 +22,7 @@ impl Draws {
 
     /// Uniform in [low, high).
     fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+        between(&mut self.0, low, high)
     }
 
     fn vector(&mut self, size: f64) -> Vector3<f64> {

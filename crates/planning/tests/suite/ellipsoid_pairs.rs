@@ -3,10 +3,11 @@
 
 use crate::known_gap::{
     Table, Wide, attitude, contact_function, direction, gap_along, holds, known, less, pose, product, solid, study,
-    unit, vector, wide_matrix, wide_vector,
+    vector, wide_matrix, wide_vector,
 };
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use tumble_identification::noise::{signed_unit, unit_interval};
 use tumble_planning::collision::{Ellipsoid, Plane, Separation, overlap, scaling_margin, separation};
 use tumble_planning::lie::Pose;
 use tumble_planning::nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
@@ -74,8 +75,8 @@ fn random_pairs_agree_with_the_definition() {
     let (mut apart, mut overlapping) = (0, 0);
     for _ in 0..1000 {
         let a = solid(&mut generator, Vector3::zeros(), 1.0, 30.0);
-        let size = 10.0_f64.powf(2.0 * unit(&mut generator) - 1.0);
-        let center = direction(&mut generator) * (unit(&mut generator) * (1.0 + size));
+        let size = 10.0_f64.powf(2.0 * unit_interval(&mut generator) - 1.0);
+        let center = direction(&mut generator) * (unit_interval(&mut generator) * (1.0 + size));
         let b = solid(&mut generator, center, size, 30.0);
         let value = contact_function(&wide_matrix(a.factor()), &wide_matrix(b.factor()), &wide_vector(&center)).0;
         match separation(&a, &b) {
@@ -215,7 +216,7 @@ fn margin_error(generator: &mut ChaCha8Rng, a: &Ellipsoid, b: &Ellipsoid, lines:
     let margin = scaling_margin(a, b);
     let mut worst: f64 = 0.0;
     for _ in 0..lines {
-        let along = SVector::<f64, 12>::from_fn(|_, _| 2.0 * unit(generator) - 1.0);
+        let along = SVector::<f64, 12>::from_fn(|_, _| signed_unit(generator));
         let [value, slope, bend] = differences(a, b, &along, step);
         let errors = [
             (margin.value - value) / (1.0 + value),
@@ -264,7 +265,7 @@ fn the_whole_hessian_agrees_with_differences() {
 fn the_margin_changes_sign_at_contact() {
     let mut generator = ChaCha8Rng::seed_from_u64(10);
     for run in 0..20_000 {
-        let size = 10.0_f64.powf(-10.0 * unit(&mut generator));
+        let size = 10.0_f64.powf(-10.0 * unit_interval(&mut generator));
         let pair = known(&mut generator, 30.0, 100.0, if run % 2 == 0 { size } else { -size });
         let margin = scaling_margin(&pair.a, &pair.b);
         assert_eq!(margin.value <= 0.0, overlap(&pair.a, &pair.b));

@@ -1,7 +1,8 @@
 //! Invariant sets against known numbers, against sums of their definition, and against each other.
 
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
+use tumble_identification::noise::{between, signed_unit};
 use tumble_planning::PlanningError;
 use tumble_planning::control::{
     AxisGain, AxisTemplate, ConvexSet, MinimalInvariantSet, MinkowskiSum, Polygon, RakovicSet, SymmetricBox,
@@ -195,11 +196,11 @@ impl Draws {
 
     /// In -1..1.
     fn uniform(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        signed_unit(&mut self.0)
     }
 
     fn between(&mut self, least: f64, largest: f64) -> f64 {
-        least + (largest - least) * 0.5 * (1.0 + self.uniform())
+        between(&mut self.0, least, largest)
     }
 
     fn vector<const N: usize>(&mut self) -> SVector<f64, N> {

@@ -1,7 +1,8 @@
 //! Rows of a local plan against its surroundings: values by dense sampling, gradients by differences.
 
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
+use tumble_identification::noise::signed_unit;
 use tumble_planning::collision::{
     Blocker, BodyEllipsoid, BodyShape, CollisionWorld, EllipsoidWorld, MovingObstacle, sphere_to_box,
 };
@@ -18,7 +19,7 @@ impl Draw {
     }
 
     fn within(&mut self, half: f64) -> f64 {
-        half * ((self.0.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0)
+        half * signed_unit(&mut self.0)
     }
 
     fn vector(&mut self, half: f64) -> Vector3<f64> {

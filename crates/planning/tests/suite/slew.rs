@@ -2,18 +2,14 @@
 #![allow(clippy::float_cmp)]
 
 use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
+use rand_core::SeedableRng;
 use tumble_dynamics::lie::Twist;
 use tumble_dynamics::{AlignedBox, BodyAcceleration, FreeFlyer, InertialParameters};
+use tumble_identification::noise::between;
 use tumble_planning::global::MotionLimits;
 use tumble_planning::nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use tumble_planning::steering::{slew, steer_in};
 use tumble_planning::{BodyArc, TranslationState};
-
-/// Uniform in `[low, high)`.
-fn uniform(random: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
-    low + (high - low) * (random.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
-}
 
 fn motion_limits() -> MotionLimits {
     MotionLimits {
@@ -34,7 +30,7 @@ fn load(body: &FreeFlyer<f64>, axis: &Vector3<f64>, rate: f64, acceleration: f64
 }
 
 fn attitude(random: &mut ChaCha8Rng) -> UnitQuaternion<f64> {
-    UnitQuaternion::from_scaled_axis(Vector3::from_fn(|_, _| uniform(random, -3.0, 3.0)))
+    UnitQuaternion::from_scaled_axis(Vector3::from_fn(|_, _| between(random, -3.0, 3.0)))
 }
 
 #[test]
@@ -42,12 +38,12 @@ fn turns_use_the_torque_there_is_and_no_more() {
     let mut random = ChaCha8Rng::seed_from_u64(9);
     let mut bound_by_rate = 0;
     for _ in 0..300 {
-        let root = Matrix3::from_fn(|_, _| uniform(&mut random, -0.3, 0.3));
-        let inertia = (root * root.transpose() + Matrix3::identity() * 0.01) * uniform(&mut random, 0.1, 3.0);
+        let root = Matrix3::from_fn(|_, _| between(&mut random, -0.3, 0.3));
+        let inertia = (root * root.transpose() + Matrix3::identity() * 0.01) * between(&mut random, 0.1, 3.0);
         let body = FreeFlyer::new(InertialParameters::about_com(2.0, Vector3::zeros(), inertia));
         let limits = MotionLimits {
-            torque_n_m: Vector3::from_fn(|_, _| uniform(&mut random, 0.001, 0.03)),
-            rate_rad_s: uniform(&mut random, 0.05, 2.0),
+            torque_n_m: Vector3::from_fn(|_, _| between(&mut random, 0.001, 0.03)),
+            rate_rad_s: between(&mut random, 0.05, 2.0),
             ..motion_limits()
         };
         let (from, to) = (attitude(&mut random), attitude(&mut random));
@@ -56,7 +52,7 @@ fn turns_use_the_torque_there_is_and_no_more() {
         assert!(turn.attitude_at(turn.duration_s()).angle_to(&to) < 1e-14);
         bound_by_rate += usize::from(peak == limits.rate_rad_s);
 
-        let slower = turn.stretched(turn.duration_s() * uniform(&mut random, 1.0, 3.0)).unwrap();
+        let slower = turn.stretched(turn.duration_s() * between(&mut random, 1.0, 3.0)).unwrap();
         assert!(turn.stretched(turn.duration_s() * 0.999).is_none());
         let flight_limits = limits.translation(2.0).unwrap();
         let start = TranslationState::at_rest(Vector3::new(0.1, 0.2, 0.3));

@@ -4,6 +4,7 @@
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
 use tumble_dynamics::AlignedBox;
+use tumble_identification::noise::between;
 use tumble_planning::global::{GoalRegion, MotionLimits};
 use tumble_planning::nalgebra::Vector3;
 use tumble_planning::steering::{
@@ -11,11 +12,6 @@ use tumble_planning::steering::{
     steer_to_goal,
 };
 use tumble_planning::{PlanningError, TranslationState};
-
-/// Uniform in `[low, high)`.
-fn uniform(random: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
-    low + (high - low) * (random.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
-}
 
 fn limits() -> TranslationLimits {
     TranslationLimits {
@@ -32,7 +28,7 @@ fn coordinate(random: &mut ChaCha8Rng, limit: f64) -> f64 {
         1 => limit,
         2 => -limit,
         3 => 0.5 * limit,
-        _ => uniform(random, -limit, limit),
+        _ => between(random, -limit, limit),
     }
 }
 
@@ -75,7 +71,7 @@ fn motions_are_continuous_within_limits_and_arrive() {
         let steering = steer(&from, &to, &limits).unwrap();
         check(&steering, &from, &to, &limits);
         assert_eq!(steering.duration_s(), least_time_s(&from, &to, &limits));
-        let duration_s = steering.duration_s() * uniform(&mut random, 1.0, 3.0);
+        let duration_s = steering.duration_s() * between(&mut random, 1.0, 3.0);
         if let Some(slower) = steer_in(&from, &to, &limits, duration_s) {
             check(&slower, &from, &to, &limits);
         }
@@ -129,10 +125,10 @@ fn durations_are_those_of_the_speed_profiles() {
         let exists_in = |time_s: f64, slack: f64| exists(d, [v0, v1], speed, rate, time_s, slack);
         assert!(exists_in(least_s, 1e-13), "{d} {v0} {v1} {least_s}");
         for _ in 0..8 {
-            let time_s = least_s * uniform(&mut random, 0.0, 1.0);
+            let time_s = least_s * between(&mut random, 0.0, 1.0);
             let is_less = time_s < least_s;
             assert!(!is_less || !exists_in(time_s, -1e-12) && steer_in(&from, &to, &limits, time_s).is_none());
-            let time_s = least_s + uniform(&mut random, 0.0, 30.0);
+            let time_s = least_s + between(&mut random, 0.0, 30.0);
             let motion = steer_in(&from, &to, &limits, time_s);
             if motion.is_some() {
                 assert!(exists_in(time_s, 1e-12), "{d} {v0} {v1} {time_s}");
@@ -152,7 +148,7 @@ fn wander(random: &mut ChaCha8Rng, limits: &TranslationLimits) -> Vec<(f64, Tran
     let (mut time_s, mut change) = (0.0, 0.0);
     let mut states = vec![(time_s, state, change)];
     for _ in 0..=random.next_u32() % 5 {
-        let step_s = uniform(random, 0.0, 8.0);
+        let step_s = between(random, 0.0, 8.0);
         let wanted = Vector3::from_fn(|axis, _| coordinate(random, limits.acceleration_m_s2[axis]));
         let next = (state.velocity + wanted * step_s).zip_map(&limits.speed_m_s, |v, limit| v.clamp(-limit, limit));
         let rate = (next - state.velocity) / step_s;
@@ -262,7 +258,7 @@ fn the_least_change_of_velocity_is_attained() {
     for _ in 0..1_000 {
         let (v0, v1) = (coordinate(&mut random, 0.1), coordinate(&mut random, 0.1));
         let (from, to) = (along_x(0.0, v0), along_x(coordinate(&mut random, 0.6), v1));
-        let latest_s = uniform(&mut random, 0.5, 2.0) * least_time_s(&from, &to, &limits);
+        let latest_s = between(&mut random, 0.5, 2.0) * least_time_s(&from, &to, &limits);
         let bound = least_velocity_change_m_s(&from, &to, &limits, latest_s);
         let tried = (0..=2000).map(|step| latest_s * f64::from(step) / 2000.0);
         let motions = tried.filter_map(|time_s| steer_in(&from, &to, &limits, time_s));
@@ -301,8 +297,8 @@ fn reversing_time_scaling_and_widening_do_what_they_must() {
         let scaled_s = least_time_s(&scaled(&from), &scaled(&to), &scaled_limits);
         assert!(same(scaled_s / time, least_s), "{scaled_s} {least_s} {length} {time} {from:?} {to:?}");
         let mut wider = limits;
-        wider.speed_m_s *= uniform(&mut random, 1.0, 2.0);
-        wider.acceleration_m_s2 *= uniform(&mut random, 1.0, 2.0);
+        wider.speed_m_s *= between(&mut random, 1.0, 2.0);
+        wider.acceleration_m_s2 *= between(&mut random, 1.0, 2.0);
         // More force never takes more time on one axis; on three a gap may open, so each is asked alone.
         for axis in 0..3 {
             let alone = |state: &TranslationState| {
@@ -351,7 +347,7 @@ fn the_box_is_kept_or_there_is_no_motion_at_all() {
             left += 1;
             let least_s = least_time_s(&from, &to, &limits);
             for _ in 0..20 {
-                assert!(steer_in(&from, &to, &limits, least_s * uniform(&mut random, 1.0, 4.0)).is_none());
+                assert!(steer_in(&from, &to, &limits, least_s * between(&mut random, 1.0, 4.0)).is_none());
             }
             // Some axis cannot stop in time, forwards or backwards.
             let cannot_stop = (0..3).any(|axis| {

@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::float_cmp)]
 
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
+use tumble_identification::noise::unit_interval;
 use tumble_planning::dynamics::{
     BodyAcceleration, DynamicsError, FreeFlyer, InertialParameters, Integrator, MechanicalSystem, MuntheKaas4,
     PARAMETERS, PoseReference, PoseTracker, RigidBodyState,
@@ -144,7 +145,7 @@ fn the_sensitivity_is_the_curvature_of_the_flown_cost() {
 }
 
 fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    let mut uniform = || (rng.next_u64() >> 11) as f64 * 2.0_f64.powi(-53);
+    let mut uniform = || unit_interval(rng);
     f64::sqrt(-2.0 * (1.0 - uniform()).ln()) * (core::f64::consts::TAU * uniform()).cos()
 }
 

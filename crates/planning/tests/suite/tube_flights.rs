@@ -12,7 +12,8 @@ use tumble_planning::control::{
 };
 use tumble_planning::nalgebra::Vector2;
 
-use crate::tube_plant::{Bounds, Decision, Disturbances, Findings, Moment, Plant, Policy, between, share};
+use crate::tube_plant::{Bounds, Decision, Disturbances, Findings, Moment, Plant, Policy};
+use tumble_identification::noise::{between, unit_interval};
 
 /// Steps of a mission: 80 s at 5 Hz.
 pub const STEPS: usize = 400;
@@ -175,7 +176,7 @@ pub fn fly(series: &Series, missions: usize, mut progress: impl FnMut(usize)) ->
         for (axis, tube) in first.iter().enumerate() {
             let reach = HALF_ROOM_M[axis] - FROM_WALL_M;
             let [start, inside] = [0, 1].map(|_| between(&mut chance, -reach, reach));
-            let is_inside = share(&mut chance) >= series.behind_walls;
+            let is_inside = unit_interval(&mut chance) >= series.behind_walls;
             let goal = if is_inside { inside } else { 1.2 * HALF_ROOM_M[axis].copysign(inside) };
             let seed = chance.next_u64();
             let mut flight = Flight {

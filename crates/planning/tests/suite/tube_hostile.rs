@@ -8,7 +8,8 @@
 )]
 
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
+use tumble_identification::noise::between;
 use tumble_planning::ModelBelief;
 use tumble_planning::Plan;
 use tumble_planning::control::{
@@ -28,7 +29,7 @@ impl Draw {
     }
 
     fn between(&mut self, least: f64, largest: f64) -> f64 {
-        least + (largest - least) * (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+        between(&mut self.0, least, largest)
     }
 
     fn log(&mut self, least: f64, largest: f64) -> f64 {

@@ -6,6 +6,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use tumble_identification::noise::signed_unit;
 
 /// Position and velocity, m, m/s.
 pub type Moment = [f64; 2];
@@ -153,16 +154,6 @@ fn worse(one: f64, other: f64) -> f64 {
     if one.is_nan() || one > other { one } else { other }
 }
 
-/// Uniform in [0, 1).
-pub fn share(chance: &mut ChaCha8Rng) -> f64 {
-    (chance.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
-}
-
-/// Uniform between two numbers.
-pub fn between(chance: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
-    low + (high - low) * share(chance)
-}
-
 fn side(chance: &mut ChaCha8Rng) -> f64 {
     if chance.next_u64() >> 63 == 0 { -1.0 } else { 1.0 }
 }
@@ -302,7 +293,7 @@ impl Plant {
             Aim::Velocity => [0.0, 1.0],
         };
         match self.policy {
-            Policy::Random => core::array::from_fn(|_| 2.0 * share(&mut self.chance) - 1.0),
+            Policy::Random => core::array::from_fn(|_| signed_unit(&mut self.chance)),
             Policy::Vertex => core::array::from_fn(|_| side(&mut self.chance)),
             Policy::Constant => self.corner,
             Policy::Toward(aim) => {

@@ -5,8 +5,7 @@ pub mod ros1;
 pub mod sample_record;
 
 use serde_json::Value;
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 pub use tumble_formats::testing::scratch;
 

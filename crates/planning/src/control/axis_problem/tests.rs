@@ -2,6 +2,7 @@ use super::*;
 use crate::control::{AxisGain, SymmetricBox};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use tumble_identification::noise::signed_unit;
 
 const GAIN: AxisGain = AxisGain { stiffness: 0.25, damping: 2.0, step_s: 0.2 };
 const NOTHING: TubeDisturbance =
@@ -26,7 +27,7 @@ fn request(template: &AxisTemplate, share: f64) -> AxisRequest<'_> {
 
 fn random(seed: u64, count: usize) -> Vec<f64> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    (0..count).map(|_| 2.0 * crate::unit_interval(&mut random) - 1.0).collect()
+    (0..count).map(|_| signed_unit(&mut random)).collect()
 }
 
 /// What errors of measurement make the feedback ask for at most is what plans leave it in full, and else the share that is reserved.

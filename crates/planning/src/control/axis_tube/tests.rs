@@ -4,6 +4,7 @@ use crate::control::{
 };
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use tumble_identification::noise::between;
 
 const NOTHING: TubeDisturbance =
     TubeDisturbance { position_m: 0.0, velocity_m_s: 0.0, force_n: 0.0, acceleration_m_s2: 0.0 };
@@ -13,7 +14,7 @@ struct Draw(ChaCha8Rng);
 
 impl Draw {
     fn between(&mut self, least: f64, largest: f64) -> f64 {
-        least + (largest - least) * crate::unit_interval(&mut self.0)
+        between(&mut self.0, least, largest)
     }
 
     fn sign(&mut self) -> f64 {

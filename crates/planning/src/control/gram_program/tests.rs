@@ -4,17 +4,14 @@ use super::factor::ActiveFactor;
 use super::*;
 use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
+use rand_core::SeedableRng;
+use tumble_identification::noise::signed_unit;
 
 const SETTINGS: GramSettings = GramSettings { tolerance: 1e-10, iterations: 500 };
 const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
-fn unit(rng: &mut ChaCha8Rng) -> f64 {
-    (rng.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-}
-
 fn one_of(rng: &mut ChaCha8Rng, kinds: usize) -> usize {
-    let draw = unit(rng);
+    let draw = signed_unit(rng);
     (0..kinds - 1).take_while(|kind| draw > 2.0 * (kind + 1) as f64 / kinds as f64 - 1.0).count()
 }
 
@@ -30,8 +27,8 @@ struct Case {
 
 impl Case {
     fn random(rng: &mut ChaCha8Rng, n: usize, m: usize) -> Self {
-        let root = DMatrix::from_fn(n, n, |_, _| unit(rng));
-        let mut a = DMatrix::from_fn(m, n, |_, _| unit(rng));
+        let root = DMatrix::from_fn(n, n, |_, _| signed_unit(rng));
+        let mut a = DMatrix::from_fn(m, n, |_, _| signed_unit(rng));
         for row in 1..m {
             let before = a.row(row - 1).into_owned();
             match one_of(rng, 6) {
@@ -42,7 +39,7 @@ impl Case {
         }
         let (mut lower, mut upper, mut equality) = (vec![FREE[0]; m], vec![FREE[1]; m], vec![false; m]);
         for row in 0..m {
-            let (middle, room) = (0.4 * unit(rng), 0.5 + 0.5 * unit(rng));
+            let (middle, room) = (0.4 * signed_unit(rng), 0.5 + 0.5 * signed_unit(rng));
             match one_of(rng, 6) {
                 0 if row < n / 2 => {
                     equality[row] = true;
@@ -53,7 +50,7 @@ impl Case {
                 _ => (lower[row], upper[row]) = (middle - room, middle + room),
             }
         }
-        let f = DVector::from_fn(n, |_, _| 4.0 * unit(rng));
+        let f = DVector::from_fn(n, |_, _| 4.0 * signed_unit(rng));
         Self { h: &root * root.transpose() + DMatrix::identity(n, n) * 0.2, f, a, lower, upper, equality }
     }
 
@@ -156,7 +153,7 @@ fn solutions_are_those_of_every_active_set_tried() {
 fn a_factor_follows_its_rows() {
     let mut rng = ChaCha8Rng::seed_from_u64(2);
     let (n, m) = (12, 30);
-    let vectors: Vec<DVector<f64>> = (0..m).map(|_| DVector::from_fn(n, |_, _| unit(&mut rng))).collect();
+    let vectors: Vec<DVector<f64>> = (0..m).map(|_| DVector::from_fn(n, |_, _| signed_unit(&mut rng))).collect();
     let (mut factor, mut active) = (ActiveFactor::new(n), Vec::<usize>::new());
     for round in 0..400 {
         if active.len() > 2 && one_of(&mut rng, 5) < 2 {
@@ -177,7 +174,7 @@ fn a_factor_follows_its_rows() {
             }
         }
         let gram = DMatrix::from_fn(active.len(), active.len(), |i, j| vectors[active[i]].dot(&vectors[active[j]]));
-        let right = DVector::from_fn(active.len(), |_, _| unit(&mut rng));
+        let right = DVector::from_fn(active.len(), |_, _| signed_unit(&mut rng));
         let mut x = right.as_slice().to_vec();
         factor.solve(&mut x);
         let left = &gram * DVector::from_vec(x) - right;
@@ -330,7 +327,7 @@ fn rows_that_meet_in_one_point_come_to_an_end() {
         let m = 8 * n;
         let mut case = Case::random(&mut rng, n, m);
         case.a = DMatrix::from_fn(m, n, |_, _| one_of(&mut rng, 3) as f64 - 1.0);
-        let point = DVector::from_fn(n, |_, _| unit(&mut rng));
+        let point = DVector::from_fn(n, |_, _| signed_unit(&mut rng));
         let values = &case.a * &point;
         case.equality.fill(false);
         case.lower.fill(f64::NEG_INFINITY);
@@ -401,7 +398,7 @@ fn numbers_that_are_none_give_no_answer() {
     let mut rng = ChaCha8Rng::seed_from_u64(6);
     for _ in 0..300 {
         let mut wild = Case::random(&mut rng, 4, 8);
-        let mut size = || f64::exp2(300.0 * unit(&mut rng));
+        let mut size = || f64::exp2(300.0 * signed_unit(&mut rng));
         wild.f.iter_mut().chain(&mut wild.lower).chain(&mut wild.upper).for_each(|x| *x *= size());
         let program = wild.program();
         let mut workspace = GramWorkspace::new(&program);

@@ -2,7 +2,8 @@
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
+use rand_core::SeedableRng;
+use tumble_identification::noise::{between, signed_unit, unit_interval};
 
 /// A seeded stream of what the planner draws.
 pub(super) struct Chance(ChaCha8Rng);
@@ -14,17 +15,17 @@ impl Chance {
 
     /// Uniform in `[0, 1)`.
     pub fn uniform(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+        unit_interval(&mut self.0)
     }
 
     /// Uniform in `[-1, 1)`.
     pub fn signed(&mut self) -> f64 {
-        2.0 * self.uniform() - 1.0
+        signed_unit(&mut self.0)
     }
 
     /// Uniform between two numbers.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.uniform()
+        between(&mut self.0, low, high)
     }
 
     /// True with this probability.

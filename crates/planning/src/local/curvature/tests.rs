@@ -3,18 +3,14 @@ use crate::local::Stages;
 use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
-use rand_core::Rng as _;
+use tumble_identification::noise::signed_unit;
 
 type Random = ChaCha8Rng;
 
-/// Uniform in -1..1.
-fn uniform(random: &mut Random) -> f64 {
-    (random.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-}
-
 /// Sum of the squares of random columns.
 fn squares<const N: usize>(random: &mut Random, rank: usize, scale: f64) -> [[f64; N]; N] {
-    let columns: Vec<[f64; N]> = (0..rank).map(|_| core::array::from_fn(|_| scale.sqrt() * uniform(random))).collect();
+    let columns: Vec<[f64; N]> =
+        (0..rank).map(|_| core::array::from_fn(|_| scale.sqrt() * signed_unit(random))).collect();
     core::array::from_fn(|i| core::array::from_fn(|j| columns.iter().map(|column| column[i] * column[j]).sum()))
 }
 
@@ -38,13 +34,13 @@ fn stages<const X: usize, const U: usize>(
                 } else if j < X / 2 {
                     0.0
                 } else {
-                    0.1 * uniform(random)
+                    0.1 * signed_unit(random)
                 };
             }
         }
     }
     for by_input in &mut stages.by_input {
-        *by_input = core::array::from_fn(|_| core::array::from_fn(|_| 0.1 * uniform(random)));
+        *by_input = core::array::from_fn(|_| core::array::from_fn(|_| 0.1 * signed_unit(random)));
     }
     for curvature in &mut stages.state_curvature {
         *curvature = squares(random, X, tracking);
@@ -53,7 +49,7 @@ fn stages<const X: usize, const U: usize>(
         *curvature = squares(random, 2, effort);
         (0..U).for_each(|i| curvature[i][i] += effort);
     }
-    stages.arrow = (0..columns * steps * U).map(|_| arrow * uniform(random)).collect();
+    stages.arrow = (0..columns * steps * U).map(|_| arrow * signed_unit(random)).collect();
     stages
 }
 
@@ -94,7 +90,7 @@ fn left_over<const X: usize, const U: usize>(
     let h = brute_force(stages, damping);
     let n = stages.unknowns();
     let random = &mut Random::seed_from_u64(seed);
-    let mut right_hand_sides = vec![(0..n).map(|_| uniform(random)).collect::<Vec<f64>>()];
+    let mut right_hand_sides = vec![(0..n).map(|_| signed_unit(random)).collect::<Vec<f64>>()];
     right_hand_sides.extend(stages.arrow_columns().next().map(<[f64]>::to_vec));
     assert!(curvature.factorise(stages, damping));
     let (mut product, mut worst) = (vec![0.0; n], (0.0_f64, 0.0_f64));

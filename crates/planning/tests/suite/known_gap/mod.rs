@@ -7,7 +7,8 @@
 use std::ops::{Add, Mul, Sub};
 
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
+use tumble_identification::noise::{signed_unit, unit_interval};
 use tumble_planning::collision::{Ellipsoid, Separation};
 use tumble_planning::lie::Pose;
 use tumble_planning::nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
@@ -182,13 +183,8 @@ pub fn contact_function(factor_a: &WideMatrix, factor_b: &WideMatrix, between: &
     if (at_left - at_right).0 < 0.0 { at_right } else { at_left }
 }
 
-/// Uniform in 0..1.
-pub fn unit(generator: &mut ChaCha8Rng) -> f64 {
-    (generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
-}
-
 pub fn vector(generator: &mut ChaCha8Rng) -> Vector3<f64> {
-    Vector3::from_fn(|_, _| 2.0 * unit(generator) - 1.0)
+    Vector3::from_fn(|_, _| signed_unit(generator))
 }
 
 /// Uniform on the sphere.
@@ -203,12 +199,12 @@ pub fn direction(generator: &mut ChaCha8Rng) -> Vector3<f64> {
 
 /// Uniform over the attitudes; every eighth is none.
 pub fn attitude(generator: &mut ChaCha8Rng) -> UnitQuaternion<f64> {
-    if unit(generator) < 0.125 {
+    if unit_interval(generator) < 0.125 {
         return UnitQuaternion::identity();
     }
     loop {
         let drawn = vector(generator);
-        let quaternion = Quaternion::from_parts(2.0 * unit(generator) - 1.0, drawn);
+        let quaternion = Quaternion::from_parts(signed_unit(generator), drawn);
         if quaternion.norm_squared() <= 1.0 && quaternion.norm_squared() > 1e-6 {
             return UnitQuaternion::from_quaternion(quaternion);
         }
@@ -218,7 +214,7 @@ pub fn attitude(generator: &mut ChaCha8Rng) -> UnitQuaternion<f64> {
 /// Semi-axes of a plate, a needle, a ball or anything between, within `axis_ratio`.
 fn semi_axes(generator: &mut ChaCha8Rng, size: f64, axis_ratio: f64) -> Vector3<f64> {
     let thin = 1.0 / axis_ratio;
-    let kind = unit(generator);
+    let kind = unit_interval(generator);
     let axes = if kind < 0.15 {
         Vector3::new(1.0, 1.0, thin)
     } else if kind < 0.3 {
@@ -226,7 +222,7 @@ fn semi_axes(generator: &mut ChaCha8Rng, size: f64, axis_ratio: f64) -> Vector3<
     } else if kind < 0.35 {
         Vector3::repeat(1.0)
     } else {
-        Vector3::from_fn(|_, _| thin.powf(unit(generator)))
+        Vector3::from_fn(|_, _| thin.powf(unit_interval(generator)))
     };
     axes * size
 }
@@ -247,7 +243,7 @@ pub struct Known {
 
 /// A pair that touches, then moved to about `gap`.
 pub fn known(generator: &mut ChaCha8Rng, axis_ratio: f64, size_ratio: f64, gap: f64) -> Known {
-    let spread = 2.0 * unit(generator) - 1.0;
+    let spread = signed_unit(generator);
     let center = vector(generator);
     let a = solid(generator, center, 1.0, axis_ratio);
     let axes_b = semi_axes(generator, size_ratio.powf(spread), axis_ratio);
@@ -346,7 +342,7 @@ pub fn study(
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     let mut table = Table::default();
     for run in 0..runs {
-        let size = 10.0_f64.powf(-14.0 * unit(&mut generator));
+        let size = 10.0_f64.powf(-14.0 * unit_interval(&mut generator));
         let gap = if run % 2 == 0 { size } else { -size };
         let pair = known(&mut generator, axis_ratio, size_ratio, gap);
         table.record(&pair, &decide(&pair.a, &pair.b));

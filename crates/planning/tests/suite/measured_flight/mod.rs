@@ -5,7 +5,7 @@
 
 use core::f64::consts::TAU;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::Rng;
+use tumble_identification::noise::unit_interval;
 use tumble_planning::dynamics::{
     FreeFlyerStep, InertialParameters, PARAMETERS, ParametricModel, RigidBodyState, RungeKutta4, linearize,
 };
@@ -91,7 +91,7 @@ fn reading_by_state(state: &RigidBodyState<f64>) -> SMatrix<f64, 12, 12> {
 }
 
 fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    let mut uniform = || (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+    let mut uniform = || unit_interval(rng);
     let radius = f64::sqrt(-2.0 * (1.0 - uniform()).ln());
     radius * (TAU * uniform()).cos()
 }

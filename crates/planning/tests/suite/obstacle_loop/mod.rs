@@ -2,6 +2,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use tumble_identification::noise::between;
 use tumble_planning::collision::{BodyEllipsoid, BodyShape, CollisionWorld as _, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::{
     AxisGain, AxisLimits, AxisPlane, AxisProblem, AxisRequest, AxisTemplate, CoupledAxes, EndAttitude, GramStatus,
@@ -28,7 +29,7 @@ impl Random {
     }
 
     pub fn between(&mut self, lower: f64, upper: f64) -> f64 {
-        lower + (upper - lower) * unit_interval(&mut self.0)
+        between(&mut self.0, lower, upper)
     }
 
     pub fn sign(&mut self) -> f64 {

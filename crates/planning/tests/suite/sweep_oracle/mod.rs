@@ -4,6 +4,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use tumble_identification::noise::between;
 use tumble_planning::collision::{BodyEllipsoid, BodyShape, CollisionWorld, EllipsoidWorld, MovingObstacle};
 use tumble_planning::dynamics::{AlignedBox, ObstacleEllipsoid, World};
 use tumble_planning::lie::Pose;
@@ -243,7 +244,7 @@ impl Draws {
     }
 
     pub fn within(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * ((self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64)
+        between(&mut self.0, low, high)
     }
 
     pub fn vector(&mut self, size: f64) -> Vector3<f64> {
