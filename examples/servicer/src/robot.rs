@@ -104,6 +104,11 @@ impl Servicer {
         self.plant.state()
     }
 
+    /// What the wheels hold now, body axes, N m s.
+    pub fn stored_momentum_body(&self) -> Vector3<f64> {
+        self.plant.stored_momentum_body()
+    }
+
     /// Normal noise, nearly: the sum of twelve evenly distributed numbers.
     fn noise(&mut self, sigma: Vector3<f64>) -> Vector3<f64> {
         let mut draw = || (0..12).map(|_| unit_interval(&mut self.random)).sum::<f64>() - 6.0;
@@ -137,7 +142,7 @@ impl Plant for Servicer {
     type Error = DynamicsError;
 
     fn advance(&mut self, wanted: &Wrench<f64>, duration_s: f64) -> Result<Told, DynamicsError> {
-        let (from_ns, before) = (self.time_ns, self.plant.stored_momentum_body());
+        let (from_ns, before) = (self.time_ns, self.stored_momentum_body());
         let moved = self.plant.advance(wanted, duration_s)?;
         self.time_ns = i64::try_from(moved.time_ns).map_err(|_| DynamicsError::NotFinite)?;
         let acted = Acted {
