@@ -25,7 +25,7 @@ pub use recursive_estimator::{
 };
 pub use sensing::{Publish, SensingTrial, check_sensing};
 pub use state_estimator::{BeginFlight, StateTrial, check_state_estimator};
-pub use units::{Identifies, Units, check_identification_units};
+pub use units::{BeginFlightIn, Identifies, Units, check_flight_units, check_identification_units};
 
 use crate::consistency::{BarrierNewton, ConstrainedLeastSquares, FeasibleSet};
 use crate::square_root_information::SquareRootInformation;

@@ -40,16 +40,16 @@ pub type BeginFlight<'a> =
     &'a dyn Fn(&RigidBodyState<f64>, &Finding) -> Result<Box<dyn StateEstimator>, EstimatorError>;
 
 /// What happened: the motion at the end of every period, and what acted in it.
-struct Flown {
-    states: Vec<RigidBodyState<f64>>,
-    acted: Vec<Acted>,
+pub(super) struct Flown {
+    pub(super) states: Vec<RigidBodyState<f64>>,
+    pub(super) acted: Vec<Acted>,
 }
 
 /// Steps of the truth in a period.
 const SUBSTEPS: usize = 4;
 
 impl Flown {
-    fn new(trial: &StateTrial, stored_body: Vector3<f64>) -> Result<Self, LawViolation> {
+    pub(super) fn new(trial: &StateTrial, stored_body: Vector3<f64>) -> Result<Self, LawViolation> {
         let environment = StoredMomentum { momentum_body: stored_body };
         let system = FreeFlyerIn { body: FreeFlyer::new(trial.body), environment };
         let pose = Pose::exp(&nalgebra::Vector6::new(0.2, -0.3, 0.5, 1.0, -2.0, 0.5));
@@ -83,7 +83,7 @@ impl StateTrial {
     }
 
     /// All that there is to see at the end of a period.
-    fn seen(&self, period: usize, state: &RigidBodyState<f64>) -> Measurement {
+    pub(super) fn seen(&self, period: usize, state: &RigidBodyState<f64>) -> Measurement {
         let [attitude, position, rate, velocity] = self.deviation;
         let (pose, twist) = (&state.world_from_body, &state.twist_body);
         Measurement {
@@ -96,12 +96,12 @@ impl StateTrial {
         }
     }
 
-    fn end_ns(&self) -> i64 {
+    pub(super) fn end_ns(&self) -> i64 {
         self.at_ns(self.periods)
     }
 }
 
-fn done<T, E: std::fmt::Display>(law: &'static str, found: Result<T, E>) -> Result<T, LawViolation> {
+pub(super) fn done<T, E: std::fmt::Display>(law: &'static str, found: Result<T, E>) -> Result<T, LawViolation> {
     match found {
         Ok(found) => Ok(found),
         Err(error) => Err(LawViolation {
@@ -116,7 +116,7 @@ fn done<T, E: std::fmt::Display>(law: &'static str, found: Result<T, E>) -> Resu
 }
 
 /// A flight as it is told: which period's measurement arrives when, and what it shows.
-fn told(
+pub(super) fn told(
     estimator: &mut dyn StateEstimator,
     flown: &Flown,
     arrives: &dyn Fn(usize) -> usize,
@@ -141,7 +141,7 @@ fn told(
 /// What is known: the point and the covariance.
 type Known = (SVector<f64, 10>, SMatrix<f64, 10, 10>);
 
-fn known(estimator: &dyn StateEstimator) -> Result<Known, LawViolation> {
+pub(super) fn known(estimator: &dyn StateEstimator) -> Result<Known, LawViolation> {
     let law = "everything is finite";
     let found = done(law, estimator.finding())?;
     let covariance = done(law, found.covariance())?;
@@ -156,7 +156,7 @@ fn known(estimator: &dyn StateEstimator) -> Result<Known, LawViolation> {
     Ok((point, covariance))
 }
 
-fn motion(estimator: &dyn StateEstimator, time_ns: i64) -> Result<RigidBodyState<f64>, LawViolation> {
+pub(super) fn motion(estimator: &dyn StateEstimator, time_ns: i64) -> Result<RigidBodyState<f64>, LawViolation> {
     let state = estimator.state_at(time_ns);
     let (pose, twist) = (&state.world_from_body, state.twist_body.to_vector());
     let numbers = pose.translation.vector.iter().chain(pose.rotation.coords.iter()).chain(&twist);

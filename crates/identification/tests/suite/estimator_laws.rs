@@ -590,12 +590,12 @@ fn answers_lie_inside_what_they_state(method: &'static str, masses_kg: &[f64]) {
 
 #[test]
 fn the_extended_filter_answers_or_says_why_from_a_chip_to_a_satellite() {
-    answers_lie_inside_what_they_state("ekf", &[0.05, 5.0, 300.0]);
+    answers_lie_inside_what_they_state("ekf", &[0.05, 1.0, 30.0, 500.0]);
 }
 
 #[test]
 fn the_unscented_filter_answers_or_says_why_from_a_chip_to_a_satellite() {
-    answers_lie_inside_what_they_state("ukf", &[0.5, 50.0, 500.0]);
+    answers_lie_inside_what_they_state("ukf", &[0.05, 1.0, 30.0, 500.0]);
 }
 
 /// Levels that are written in kilograms, metres or seconds.

@@ -279,44 +279,100 @@ fn nonlinear_filters_hold_the_laws_and_agree() {
     assert!(apart.amax() < 0.5, "{apart}");
 }
 
+/// Kilograms to pounds and metres to feet, about; then each unit by powers of ten.
+const UNITS: [[f64; 3]; 7] = [
+    [2.2, 3.3, 1.0],
+    [1e-3, 1.0, 1.0],
+    [1e3, 1.0, 1.0],
+    [1.0, 1e-2, 1.0],
+    [1.0, 1e2, 1.0],
+    [1.0, 1.0, 1e-2],
+    [1.0, 1.0, 1e2],
+];
+
 #[test]
 fn units_do_not_matter() {
-    // Kilograms to pounds and metres to feet, about.
-    let (mass, length): (f64, f64) = (2.2, 3.3);
-    let [h, j] = [mass * length, mass * length * length];
-    let factors = SVector::from([mass, h, h, h, j, j, j, j, j, j]);
-    let wrench = Vector6::new(j, j, j, h, h, h);
-    let rows = rows(6, 40, 0.1);
-    let scaled: Vec<Row> = rows
-        .iter()
-        .map(|row| Row {
-            regressor: SMatrix::from_fn(|r, c| row.regressor[(r, c)] * wrench[r] / factors[c]),
-            output: row.output.component_mul(&wrench),
-            standard_deviation: row.standard_deviation.component_mul(&wrench),
-        })
-        .collect();
-    let mean = least_squares().parameters().component_mul(&factors);
-    let deviation = deviations().component_mul(&factors);
-    let (rows, scaled) = (each(&rows), each(&scaled));
-    let covariance = SMatrix::from_diagonal(&deviation.map(|s| s * s));
-    let other = RecursiveLeastSquares::new(mean, covariance);
-    let told = Told { begin: &|| Ok(least_squares()), observations: &rows };
-    check_unit_equivariance(&told, &Told { begin: &|| Ok(other), observations: &scaled }, &factors, 1e-8).unwrap();
-    let other = SquareRootFilter::try_new(mean, deviation).unwrap();
-    let told = Told { begin: &|| Ok(square_root()), observations: &rows };
-    check_unit_equivariance(&told, &Told { begin: &|| Ok(other), observations: &scaled }, &factors, 1e-8).unwrap();
-    let scale = BodyScale::of(&body_d().to_vector().component_mul(&factors)).unwrap();
-    let other = RecursiveSdp::try_with_prior(PseudoInertiaCone::new(scale), mean, deviation).unwrap();
-    let told = Told { begin: &|| Ok(sdp()), observations: &rows };
-    check_unit_equivariance(&told, &Told { begin: &|| Ok(other), observations: &scaled }, &factors, 1e-5).unwrap();
-    // Absolute numbers hidden in an estimator: a floor under the noise, a floor under what is reported.
-    let law = |defect| {
-        let one = Told { begin: &|| Ok(Broken::new(least_squares(), defect)), observations: &rows };
-        let begin = || Ok(Broken::new(RecursiveLeastSquares::new(mean, covariance), defect));
-        broken_law(check_unit_equivariance(&one, &Told { begin: &begin, observations: &scaled }, &factors, 1e-8))
-    };
-    assert_eq!(law(Defect::AbsoluteNoiseFloor), "nis is free of units");
-    assert_eq!(law(Defect::AbsoluteReportFloor), "the estimate scales with the units");
+    let told_rows = rows(6, 40, 0.1);
+    let rows = each(&told_rows);
+    for (k, [mass, length, time]) in UNITS.into_iter().enumerate() {
+        let [h, j] = [mass * length, mass * length * length];
+        let factors = SVector::from([mass, h, h, h, j, j, j, j, j, j]);
+        let wrench = Vector6::new(j, j, j, h, h, h) / (time * time);
+        let scaled: Vec<Row> = told_rows
+            .iter()
+            .map(|row| Row {
+                regressor: SMatrix::from_fn(|r, c| row.regressor[(r, c)] * wrench[r] / factors[c]),
+                output: row.output.component_mul(&wrench),
+                standard_deviation: row.standard_deviation.component_mul(&wrench),
+            })
+            .collect();
+        let mean = least_squares().parameters().component_mul(&factors);
+        let deviation = deviations().component_mul(&factors);
+        let scaled = each(&scaled);
+        let covariance = SMatrix::from_diagonal(&deviation.map(|s| s * s));
+        let other = RecursiveLeastSquares::new(mean, covariance);
+        let told = Told { begin: &|| Ok(least_squares()), observations: &rows };
+        check_unit_equivariance(&told, &Told { begin: &|| Ok(other), observations: &scaled }, &factors, 1e-8).unwrap();
+        let other = SquareRootFilter::try_new(mean, deviation).unwrap();
+        let told = Told { begin: &|| Ok(square_root()), observations: &rows };
+        check_unit_equivariance(&told, &Told { begin: &|| Ok(other), observations: &scaled }, &factors, 1e-8).unwrap();
+        let scale = BodyScale::of(&body_d().to_vector().component_mul(&factors)).unwrap();
+        let other = RecursiveSdp::try_with_prior(PseudoInertiaCone::new(scale), mean, deviation).unwrap();
+        let told = Told { begin: &|| Ok(sdp()), observations: &rows };
+        check_unit_equivariance(&told, &Told { begin: &|| Ok(other), observations: &scaled }, &factors, 1e-5).unwrap();
+        // A body that drifts from row to row.
+        let drifting = |mean: Parameters, deviation: Parameters| {
+            let drift = SMatrix::from_diagonal(&deviation.map(|s| (0.01 * s).powi(2)));
+            let covariance = SMatrix::from_diagonal(&deviation.map(|s| s * s));
+            KalmanFilter::<10, 6>::new(LinearProcess::random_walk(drift), mean, covariance)
+        };
+        let one = drifting(least_squares().parameters(), deviations());
+        let other = drifting(mean, deviation);
+        let told = Told { begin: &|| Ok(one), observations: &rows };
+        check_unit_equivariance(&told, &Told { begin: &|| Ok(other), observations: &scaled }, &factors, 1e-8).unwrap();
+        // Absolute numbers hidden in an estimator: a floor under the noise, a floor under what is reported.
+        let law = |defect| {
+            let one = Told { begin: &|| Ok(Broken::new(least_squares(), defect)), observations: &rows };
+            let begin = || Ok(Broken::new(RecursiveLeastSquares::new(mean, covariance), defect));
+            broken_law(check_unit_equivariance(&one, &Told { begin: &begin, observations: &scaled }, &factors, 1e-8))
+        };
+        if k == 0 {
+            assert_eq!(law(Defect::AbsoluteNoiseFloor), "nis is free of units");
+            assert_eq!(law(Defect::AbsoluteReportFloor), "the estimate scales with the units");
+        }
+    }
+}
+
+#[test]
+fn units_do_not_matter_to_nonlinear_filters() {
+    let told_accelerations = accelerations(5, 200, &true_body());
+    let (model, body, covariance) = guess();
+    for [mass, length, time] in UNITS {
+        let [h, j, square] = [mass * length, mass * length * length, time * time];
+        let factors = Vector4::new(mass, j, j, j);
+        let slower = Vector6::new(1.0, 1.0, 1.0, length, length, length) / square;
+        let scaled: Vec<AccelerationObservation> = told_accelerations
+            .iter()
+            .map(|seen| AccelerationObservation {
+                rate_body: seen.rate_body / time,
+                wrench_body: Wrench::new(seen.wrench_body.torque * (j / square), seen.wrench_body.force * (h / square)),
+                acceleration_body: seen.acceleration_body.component_mul(&slower),
+                standard_deviation: seen.standard_deviation.component_mul(&slower),
+            })
+            .collect();
+        let (told, scaled) = (each(&told_accelerations), each(&scaled));
+        let [[m, x, y, z]] = body.parameters().component_mul(&factors).data.0;
+        let other = PrincipalBody::try_new(m, Vector3::new(x, y, z)).unwrap();
+        // Increments of the chart have no unit.
+        let (one, two) =
+            (ExtendedKalmanFilter::new(model, body, covariance), ExtendedKalmanFilter::new(model, other, covariance));
+        let one = Told { begin: &|| Ok(one), observations: &told };
+        check_unit_equivariance(&one, &Told { begin: &|| Ok(two), observations: &scaled }, &factors, 1e-8).unwrap();
+        let (one, two) =
+            (UnscentedKalmanFilter::new(model, body, covariance), UnscentedKalmanFilter::new(model, other, covariance));
+        let one = Told { begin: &|| Ok(one), observations: &told };
+        check_unit_equivariance(&one, &Told { begin: &|| Ok(two), observations: &scaled }, &factors, 1e-8).unwrap();
+    }
 }
 
 fn broken_law<T>(outcome: Result<T, LawViolation>) -> &'static str {

@@ -2,11 +2,12 @@
 
 use tumble_identification::dynamics::{InertialParameters, RigidBodyState};
 use tumble_identification::estimator::{Acted, Doubt, EstimatorError, Finding, Measurement, StateEstimator};
-use tumble_identification::laws::{StateTrial, check_state_estimator};
+use tumble_identification::laws::{BeginFlightIn, StateTrial, Units, check_flight_units, check_state_estimator};
 use tumble_identification::lie::Wrench;
-use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use tumble_identification::recursive::{
     FlightEstimator, FlightEstimatorSettings, FlightHealth, MotionNoise, Reception, ReceptionCounts, TwoStageEstimator,
+    WrenchErrors,
 };
 use tumble_identification::{BodyScale, Estimate};
 
@@ -76,6 +77,59 @@ fn two_stages_keep_them() {
         Ok(Box::new(TwoStageEstimator::sdp(settings(), *start, 0, prior)?))
     };
     check_state_estimator(&begin, &trial()).unwrap();
+}
+
+/// The settings in other units of mass and length.
+fn settings_in(units: &Units) -> FlightEstimatorSettings {
+    let (length, force) = (units.length, units.mass * units.length);
+    let usual = settings();
+    let noise = MotionNoise {
+        position_m: usual.noise.position_m * length,
+        velocity_m_s: usual.noise.velocity_m_s * length,
+        acceleration_m_s2: usual.noise.acceleration_m_s2 * length,
+        torque_n_m: usual.noise.torque_n_m * force * length,
+        force_n: usual.noise.force_n * force,
+        ..usual.noise
+    };
+    let [[tx, ty, tz, fx, fy, fz]] = usual.wrench.drift.data.0;
+    let wrench = WrenchErrors {
+        drift: Vector6::new(tx * length, ty * length, tz * length, fx, fy, fz) * force,
+        ..usual.wrench.of_thrusters(1e-4, 1, 0.1 * length)
+    };
+    let [attitude, position, rate, velocity] = usual.start_deviation;
+    let start_deviation = [attitude, position * length, rate, velocity * length];
+    FlightEstimatorSettings { noise, wrench, start_deviation, ..usual }
+}
+
+/// Of mass and length: in time, a filter that must keep pace has steps and patience of so many milliseconds and seconds.
+#[test]
+fn no_unit_decides_in_flight() {
+    let of_bodies = [[1e-3, 1.0], [1e3, 1.0], [1.0, 1e-2], [1.0, 1e2]];
+    let of_bodies = of_bodies.map(|[mass, length]| Units { mass, length, time: 1.0 });
+    let joint = |units: &Units, start: &RigidBodyState<f64>, prior: &Finding| -> Result<Box<dyn StateEstimator>, _> {
+        Ok(Box::new(FlightEstimator::try_new(settings_in(units), *start, 0, &Estimate::try_from(prior)?)?))
+    };
+    check_flight_units(&joint, &short_trial(), &of_bodies, 0.01).unwrap();
+    let rls = |units: &Units, start: &RigidBodyState<f64>, prior: &Finding| -> Result<Box<dyn StateEstimator>, _> {
+        Ok(Box::new(TwoStageEstimator::least_squares(settings_in(units), *start, 0, prior)?))
+    };
+    check_flight_units(&rls, &short_trial(), &of_bodies, 0.01).unwrap();
+    let sdp = |units: &Units, start: &RigidBodyState<f64>, prior: &Finding| -> Result<Box<dyn StateEstimator>, _> {
+        Ok(Box::new(TwoStageEstimator::sdp(settings_in(units), *start, 0, prior)?))
+    };
+    check_flight_units(&sdp, &short_trial(), &of_bodies, 0.01).unwrap();
+    // A drift of so many newtons whatever their unit, and patience that the unit of mass decides.
+    let law = |begin: BeginFlightIn<'_>| check_flight_units(begin, &short_trial(), &of_bodies, 0.01).unwrap_err().law;
+    let wrench = |units: &Units, start: &RigidBodyState<f64>, prior: &Finding| -> Result<Box<dyn StateEstimator>, _> {
+        let usual = FlightEstimatorSettings { wrench: settings().wrench, ..settings_in(units) };
+        Ok(Box::new(FlightEstimator::try_new(usual, *start, 0, &Estimate::try_from(prior)?)?))
+    };
+    assert_eq!(law(&wrench), "units do not matter");
+    let late = |units: &Units, start: &RigidBodyState<f64>, prior: &Finding| -> Result<Box<dyn StateEstimator>, _> {
+        let hasty = FlightEstimatorSettings { lateness_s: 0.03 * units.mass, ..settings_in(units) };
+        Ok(Box::new(FlightEstimator::try_new(hasty, *start, 0, &Estimate::try_from(prior)?)?))
+    };
+    assert_eq!(law(&late), "units do not decide");
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
