@@ -11,6 +11,7 @@ use crate::likelihood::{FlightLikelihood, Place, Stages};
 use crate::motion::MotionSample;
 use core::ops::Range;
 use nalgebra::{SMatrix, SVector};
+use std::borrow::Cow;
 
 /// Most parts that a record is taken into.
 const MOST_PARTS: usize = 16;
@@ -97,14 +98,15 @@ fn body_of(found: &Identification) -> Option<&Estimate> {
 /// # Errors
 /// Those of [`identify`] of the whole record.
 pub fn identify_parts(record: &[MotionSample], settings: &Settings) -> Result<Parts, IdentificationError> {
-    in_parts(record, settings, &FlightLikelihood::default(), identify)
+    in_parts(record, settings, &FlightLikelihood::default(), |_| Ok(Cow::Borrowed(record)), identify)
 }
 
-/// The same by any way to identify, with what is known of the sensors.
-pub(super) fn in_parts<E: From<IdentificationError>>(
+/// The same by any way to identify, with what is known of the sensors, and with all that acts on what was found of the whole record.
+pub(super) fn in_parts<'a, E: From<IdentificationError>>(
     record: &[MotionSample],
     settings: &Settings,
     flown: &FlightLikelihood,
+    acted: impl Fn(&Identification) -> Result<Cow<'a, [MotionSample]>, IdentificationError>,
     identify: impl Fn(&[MotionSample], &Settings) -> Result<Identification, E>,
 ) -> Result<Parts, E> {
     let time_ns = |sample: usize| record.get(sample).or(record.last()).map_or(0, |sample| sample.time_ns);
@@ -119,7 +121,7 @@ pub(super) fn in_parts<E: From<IdentificationError>>(
         };
         if samples.len() == record.len()
             && asks_for_sensors(&found)
-            && let Some(stages) = flown.under(&settings).stages(record)
+            && let Some(stages) = flown.under(&settings).stages(&acted(&found)?)
         {
             return staged(record, &settings, &stages, identify);
         }

@@ -1,6 +1,6 @@
 //! Identification by any estimator, constrained by any solver.
 
-use super::environment::in_environment;
+use super::environment::{in_environment, with_all_that_acts};
 use super::identification::Identification;
 use super::parts::{Parts, in_parts};
 use super::plan::{BUILT_IN, Plan, Way, interior_point};
@@ -11,13 +11,15 @@ use super::verdict::Beside;
 use super::{recursed, reference, run};
 use crate::BodyScale;
 use crate::consistency::{BarrierNewton, ConstrainedLeastSquares, FeasibleSet, InteriorPoint, PseudoInertiaCone};
-use crate::dynamics::Environment;
+use crate::dynamics::{Environment, InertialParameters};
+use crate::error::IdentificationError;
 use crate::estimator::{Estimator, EstimatorError, Finding, Judge, Replay};
 use crate::likelihood::{FlightLikelihood, MaximumLikelihood};
 use crate::motion::MotionSample;
 use crate::recursive::{RecursiveLeastSquares, RecursiveSdp};
 use crate::registry::Registry;
 use nalgebra::SMatrix;
+use std::borrow::Cow;
 
 /// Standard deviations of the vague start of a recursion, in units of the body's own scale.
 const VAGUE: f64 = 30.0;
@@ -203,7 +205,23 @@ impl Pipeline {
     pub fn identify_parts(&self, record: &[MotionSample], settings: &Settings) -> Result<Parts, EstimatorError> {
         let usual = FlightLikelihood::default();
         let flown = self.flown.as_ref().unwrap_or(&usual);
-        in_parts(record, settings, flown, |record, settings| self.identify(record, settings))
+        let acted = |found: &Identification| {
+            let body = found.estimate.or(found.regularised);
+            self.acted(record, body.as_ref().map(|body| &body.parameters))
+        };
+        in_parts(record, settings, flown, acted, |record, settings| self.identify(record, settings))
+    }
+
+    /// The record with what the environment does to this body.
+    pub(super) fn acted<'a>(
+        &self,
+        record: &'a [MotionSample],
+        body: Option<&InertialParameters<f64>>,
+    ) -> Result<Cow<'a, [MotionSample]>, IdentificationError> {
+        if self.environment.is_empty() {
+            return Ok(Cow::Borrowed(record));
+        }
+        with_all_that_acts(record, &self.environment, body).map(Cow::Owned)
     }
 
     /// Where the logged wrench is all that acts.

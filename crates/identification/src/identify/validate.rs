@@ -42,6 +42,8 @@ impl Pipeline {
             return Ok(found.beside(&self.identify(record, &settings)?)?);
         }
         let estimate = found.estimate.ok_or(IdentificationError::NoEstimate { rank: found.rank })?;
+        let acted = self.acted(record, Some(&estimate.parameters))?;
+        let record = acted.as_ref();
         if found.method == MAXIMUM_LIKELIHOOD {
             return Ok(likelihood::validated(found, &estimate, record, settings)?);
         }
