@@ -35,8 +35,8 @@ use crate::sensing::{Localization, LocalizationEstimate, TrueMotion};
 use crate::worlds::WorldPreset;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_dynamics::{
-    DynamicsError, FreeFlyer, InertialParameters, Plant, QuadraticDrag, RigidBodyState, World, WrenchModel,
-    spatial_momentum, variational_step,
+    DynamicsError, Environment, FreeFlyer, InertialParameters, Plant, QuadraticDrag, RigidBodyState, StoredMomentum,
+    World, WrenchModel, spatial_momentum, variational_step,
 };
 use tumble_lie::{LieGroup, Wrench};
 
@@ -70,8 +70,10 @@ pub struct SimulatorSettings {
     pub speed_limit_m_s: f64,
     /// Angular rate above which an event says so, rad/s.
     pub rate_limit_rad_s: f64,
-    /// Air drag.
+    /// Air drag, held over a step as NASA's plug-in holds it.
     pub drag: Option<QuadraticDrag<f64>>,
+    /// What else acts; the time of its models is the flight's.
+    pub environment: Environment,
     /// How wrenches are made.
     pub actuators: Actuators,
     /// Sensors; `None` measures nothing.
@@ -92,6 +94,7 @@ impl SimulatorSettings {
             speed_limit_m_s: f64::INFINITY,
             rate_limit_rad_s: f64::INFINITY,
             drag: None,
+            environment: Environment::default(),
             actuators: Actuators::Exact,
             sensors: None,
         }
@@ -113,8 +116,11 @@ pub struct SimulatorMeasurement {
     pub believed_wrench_body: Wrench<f64>,
     /// Thrust of each nozzle in it, N; zero where none are simulated.
     pub believed_thrusts_n: [f64; 12],
-    /// Mean of what really acted: propulsion and drag; on the table the part in the plane.
+    /// Mean of what really acted: propulsion, drag, environment, and wheels that are turned along with the body; on the table the part in the
+    /// plane.
     pub realized_wrench_body: Wrench<f64>,
+    /// Angular momentum of wheels relative to the body as the period begins and as it ends, body axes, N m s; zero without.
+    pub stored_momentum_body: [Vector3<f64>; 2],
     /// What the modules were told; zero where none are simulated.
     pub command: PropulsionCommand,
     /// Whether the propulsion was at a limit.
@@ -149,6 +155,7 @@ pub struct AstrobeeSimulator {
     speed_limit_m_s: f64,
     rate_limit_rad_s: f64,
     drag: Option<QuadraticDrag<f64>>,
+    environment: Environment,
     actuators: Actuators,
     damage: Damage,
     sensors: Option<Localization>,
@@ -189,6 +196,7 @@ impl AstrobeeSimulator {
             speed_limit_m_s: settings.speed_limit_m_s,
             rate_limit_rad_s: settings.rate_limit_rad_s,
             drag: settings.drag,
+            environment: settings.environment,
             actuators: settings.actuators,
             damage: Damage::NONE,
             sensors: settings.sensors,
@@ -223,6 +231,11 @@ impl AstrobeeSimulator {
     /// Linear momentum and angular momentum about the world's origin, world axes; on the table of the motion in it.
     pub fn spatial_momentum(&self) -> Wrench<f64> {
         spatial_momentum(self.flyer.parameters(), &self.state)
+    }
+
+    /// Angular momentum of wheels relative to the body, body axes, N m s; `None` without wheels.
+    pub fn stored_momentum_body(&self) -> Option<Vector3<f64>> {
+        self.actuators.stored_momentum_body()
     }
 
     /// The estimates that arrived during the last advance, in order of arrival.
@@ -364,10 +377,23 @@ impl AstrobeeSimulator {
         }
     }
 
-    /// What the world adds to the wrench of the propulsion, which it confines to the plane on the table.
-    fn acting(&self, propulsion: &Wrench<f64>) -> Wrench<f64> {
+    /// What the world and wheels that hold so much, where there are some, add to the wrench of the propulsion in this state, in or shortly after
+    /// that in which the body is; the table confines it to the plane.
+    fn acting(
+        &self,
+        propulsion: &Wrench<f64>,
+        (time_ns, state): (i64, &RigidBodyState<f64>),
+        stored_body: Option<Vector3<f64>>,
+    ) -> Wrench<f64> {
         let drag = self.drag.as_ref().map_or_else(Wrench::zero, |drag| drag.wrench_body(0.0, &self.state));
-        self.confined(&(*propulsion + drag))
+        let mut acting = *propulsion + drag;
+        if !self.environment.is_empty() {
+            acting += self.environment.wrench_on(self.flyer.parameters(), time_ns as f64 * 1e-9, state);
+        }
+        if let Some(momentum_body) = stored_body {
+            acting += StoredMomentum { momentum_body }.wrench_body(0.0, state);
+        }
+        self.confined(&acting)
     }
 
     /// On the table: what the air bearing does not take up.
@@ -382,15 +408,23 @@ impl AstrobeeSimulator {
 
     /// One control period; leaves the body where it was when the integrator refuses, though not the propulsion.
     fn period(&mut self, wanted: &Wrench<f64>) -> Result<SimulatorMeasurement, SimulatorError> {
+        let stored_before = self.stored_momentum_body();
         let made = self.actuators.step(wanted, &self.state.twist_body.angular, &self.damage)?;
+        let stored = stored_before.zip(self.stored_momentum_body());
         let (start_ns, start_state) = (self.time_ns, self.state);
+        let stored_at = |time_ns: i64| {
+            let share = (time_ns - start_ns) as f64 / CONTROL_PERIOD_NS as f64;
+            stored.map(|(before, after)| before.lerp(&after, share))
+        };
         let mut start = None;
         let mut sum = Wrench::zero();
         let mut last = Wrench::zero();
         for _ in 0..SUBSTEPS {
-            last = self.acting(&made.realized_wrench_body);
+            let now_ns = self.time_ns;
+            let truth = self.truth(&self.acting(&made.realized_wrench_body, (now_ns, &self.state), stored_at(now_ns)));
+            let (middle_ns, middle) = (now_ns + SUBSTEP_NS / 2, extrapolated(&truth, SUBSTEP_NS / 2));
+            last = self.acting(&made.realized_wrench_body, (middle_ns, &middle), stored_at(middle_ns));
             sum += last;
-            let truth = self.truth(&last);
             if let Some(sensors) = &mut self.sensors {
                 sensors.observe(&truth);
             }
@@ -422,6 +456,7 @@ impl AstrobeeSimulator {
             believed_wrench_body: self.confined(&made.believed_wrench_body),
             believed_thrusts_n: made.believed_thrusts_n,
             realized_wrench_body: sum * (1.0 / SUBSTEPS as f64),
+            stored_momentum_body: stored.map_or([Vector3::zeros(); 2], |(before, after)| [before, after]),
             command: made.command,
             saturated: made.saturated,
         })

@@ -197,7 +197,7 @@ where
 
     /// Momentum of wheels relative to the body, body axes, N m s.
     pub fn stored_momentum_body(&self) -> Vector3<f64> {
-        self.actuation.stored_momentum_body(&self.inner)
+        self.actuation.stored_momentum_body(&self.inner).unwrap_or_default()
     }
 
     /// Time since the start, s.
@@ -225,7 +225,7 @@ where
         let realized_wrench_body = self.actuation.realize_over(&self.inner, &command, hold_s);
         let inner = self.actuation.advanced(&self.inner, &command, hold_s);
         let (stored_body, start_s) = (self.stored_momentum_body(), self.time_s());
-        let stored_momentum_body = self.actuation.stored_momentum_body(&inner);
+        let stored_momentum_body = self.actuation.stored_momentum_body(&inner).unwrap_or_default();
         let input = GyrostatInput {
             wrench_body: realized_wrench_body,
             stored_body,

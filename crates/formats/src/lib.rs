@@ -6,6 +6,7 @@ pub mod actuator_file;
 pub mod arm;
 pub mod body_file;
 mod embedded;
+pub mod environment_file;
 mod error;
 pub mod excitation_file;
 pub mod log;

@@ -65,7 +65,12 @@ fn mission(name: &str, longest_s: f64) -> Result<(), TumbleError> {
         layers: LayerNames::default(),
     };
     let mut written = Hashed(START, 0);
-    let more = MoreColumns { nozzles: Some(largest_thrusts_n(ImpellerMode::Nominal)), estimate: true, revisions: true };
+    let more = MoreColumns {
+        nozzles: Some(largest_thrusts_n(ImpellerMode::Nominal)),
+        estimate: true,
+        revisions: true,
+        stored: false,
+    };
     let mut log = Log(Recorder::with(&mut written, more).map_err(unwritable)?);
     let record = fly(&source, &options, &mut log)?;
     log.0.finish().map_err(unwritable)?;

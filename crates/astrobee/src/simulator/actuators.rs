@@ -52,6 +52,14 @@ impl Actuators {
         }
     }
 
+    /// Angular momentum of wheels relative to the body, body axes, N m s; `None` without wheels.
+    pub(super) fn stored_momentum_body(&self) -> Option<Vector3<f64>> {
+        match self {
+            Self::Other(actuators) => actuators.stored_momentum_body(),
+            Self::Exact | Self::Limited(_) | Self::Hardware { .. } => None,
+        }
+    }
+
     /// One control period; the body turns at `rate_body`.
     pub(super) fn step(
         &mut self,
@@ -68,7 +76,7 @@ impl Actuators {
                 (given, given != *wanted)
             }
             Self::Other(actuators) => {
-                let driven = actuators.drive(wanted, rate_body, CONTROL_PERIOD_S)?;
+                let driven = actuators.drive(wanted, CONTROL_PERIOD_S)?;
                 (driven.wrench_body, driven.is_at_limit)
             }
             Self::Hardware { allocation, plant, known } => {

@@ -9,8 +9,9 @@ use tumble_astrobee::simulator::{
 use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::nalgebra::{Isometry2, Matrix3, UnitComplex, UnitQuaternion, Vector2, Vector3};
 use tumble_dynamics::{
-    AlignedBox, FreeFlyer, GroupState, InertialParameters, Integrator, MuntheKaas4, ObstacleEllipsoid, PlanarBody,
-    PlanarWrench, Plant, RigidBodyState, WrenchBox, spatial_momentum,
+    AlignedBox, Environment, FreeFlyer, FreeFlyerIn, GravityGradient, GroupState, InertialParameters, Integrator,
+    LinearDrag, MuntheKaas4, ObstacleEllipsoid, PlanarBody, PlanarWrench, Plant, ReactionWheel, ReactionWheels,
+    RigidBodyState, SimulatedGyrostat, StatefulDrive, WrenchBox, spatial_momentum,
 };
 use tumble_identification::noise::Gaussian;
 use tumble_lie::{LieGroup, Pose, Twist, Wrench};
@@ -74,6 +75,41 @@ fn it_follows_a_fourth_order_integrator_under_changing_wrenches() {
     let (distance, angle) = (error.translation.vector.norm(), error.rotation.angle());
     // Second order at 8 ms over 16 s in which the body travels metres and turns several times.
     assert!(distance < 1e-3 && angle < 1e-3, "{distance:e} {angle:e}");
+}
+
+/// In a wind, under a gradient that goes round, turned by wheels that spin: as a gyrostat in the same environment goes.
+#[test]
+fn it_follows_a_fourth_order_integrator_among_what_else_acts() {
+    let mut settings = SimulatorSettings::ideal(WorldPreset::Open, tumbling());
+    let air = LinearDrag {
+        center_of_pressure: Vector3::new(0.05, -0.02, 0.03),
+        force_coefficient: 0.3,
+        torque_coefficient: 0.01,
+        medium_velocity_world: Vector3::new(0.2, -0.1, 0.05),
+    };
+    let gravity = GravityGradient::of_point_mass(settings.body, 0.01, Vector3::new(0.6, 0.0, 0.8), Vector3::y() * 0.1);
+    let wheel = |axis_body| ReactionWheel { axis_body, largest_torque_n_m: 0.1, largest_momentum_n_m_s: 1.0 };
+    let axes = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
+    let wheels = ReactionWheels::try_new(axes.map(wheel)).unwrap();
+    let stored = Vector3::new(0.2, -0.1, 0.15);
+    settings.environment = Environment::default().with(air).with(gravity);
+    settings.actuators = Actuators::Other(Box::new(StatefulDrive::new(wheels, stored)));
+    let system = FreeFlyerIn { body: FreeFlyer::new(settings.body), environment: (air, gravity) };
+    let mut robot = AstrobeeSimulator::try_new(settings).unwrap();
+    let mut exact =
+        SimulatedGyrostat::try_new(system, MuntheKaas4, (wheels, stored), tumbling(), CONTROL_PERIOD_S / 4.0).unwrap();
+    for k in 0..1000 {
+        let phase = 0.02 * f64::from(k);
+        let turn = wrench([0.01 * phase.sin(), 0.02, -0.01 * phase.cos()], [0.0; 3]);
+        let measured = robot.advance(&turn, CONTROL_PERIOD_S).unwrap();
+        let after = exact.advance(&turn, CONTROL_PERIOD_S).unwrap();
+        assert!((measured.stored_momentum_body[1] - after.stored_momentum_body).amax() < 1e-12);
+        // of wheels the robot is told what their motors did, and not what turning them did
+        assert!(difference(&measured.believed_wrench_body, &after.realized_wrench_body) < 1e-12);
+    }
+    let error = exact.state().world_from_body.inv_mul(&robot.state().world_from_body);
+    let (distance, angle) = (error.translation.vector.norm(), error.rotation.angle());
+    assert!(distance < 1e-4 && angle < 1e-3, "{distance:e} {angle:e}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::{Actuation, ActuatorDrive, Driven, PulsedThrusters};
 use crate::error::DynamicsError;
 use tumble_lie::Wrench;
-use tumble_lie::nalgebra::{SVector, Vector3};
+use tumble_lie::nalgebra::SVector;
 
 /// Thrusters whose pulses all begin with the valves' own period, which need not be the simulator's; a pulse is drawn out
 /// over as many control periods as it lasts, and each has the mean of its part.
@@ -25,12 +25,7 @@ impl<const N: usize> PulseTrain<N> {
 
 /// Each call is a control period, whatever `hold_s` is; at a limit is a valve that is open throughout its own period.
 impl<const N: usize> ActuatorDrive for PulseTrain<N> {
-    fn drive(
-        &mut self,
-        wanted_body: &Wrench<f64>,
-        _rate_body: &Vector3<f64>,
-        _hold_s: f64,
-    ) -> Result<Driven, DynamicsError> {
+    fn drive(&mut self, wanted_body: &Wrench<f64>, _hold_s: f64) -> Result<Driven, DynamicsError> {
         if !wanted_body.to_vector().iter().all(|number| number.is_finite()) {
             return Err(DynamicsError::NotFinite);
         }
@@ -57,7 +52,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::{PulseTiming, Thruster, ThrusterSet};
-    use tumble_lie::nalgebra::UnitVector3;
+    use tumble_lie::nalgebra::{UnitVector3, Vector3};
 
     const THRUST_N: f64 = 0.112;
     const TICKS_PER_STEP: u32 = 16;
@@ -83,9 +78,8 @@ mod tests {
         let mut train = PulseTrain::new(PulsedThrusters { thrusters: ThrusterSet::try_new(set).unwrap(), timing }, 16);
         let thrust = 20.0 / 24.0 * 2.0 * THRUST_N;
         let wanted = Wrench::new(Vector3::zeros(), Vector3::new(thrust, 0.0, 0.0));
-        let still = Vector3::zeros();
         for open in [16.0, 12.0, 12.0, 16.0, 12.0, 12.0] {
-            let Driven { wrench_body: given, is_at_limit } = train.drive(&wanted, &still, 0.016).unwrap();
+            let Driven { wrench_body: given, is_at_limit } = train.drive(&wanted, 0.016).unwrap();
             assert!((given.force.x - 2.0 * THRUST_N * open / 16.0).abs() < 1e-15, "{given:?}");
             assert!(!is_at_limit && given.torque.amax() < 1e-15 && given.force.yz().amax() < 1e-15);
         }
@@ -100,9 +94,7 @@ mod tests {
             let phase = f64::from(k);
             Wrench::new(Vector3::new(0.003, -0.002, 0.001) * phase.cos(), Vector3::new(0.05, 0.03, -0.07) * phase.sin())
         };
-        let total = (0..25).fold(Wrench::zero(), |sum, k| {
-            sum + train.drive(&wanted(k), &Vector3::zeros(), 0.016).unwrap().wrench_body
-        });
+        let total = (0..25).fold(Wrench::zero(), |sum, k| sum + train.drive(&wanted(k), 0.016).unwrap().wrench_body);
         // The second period begins within step 12.
         let pulses = [0, 12].map(|k| valves.realize(&valves.allocate(&wanted(k)).unwrap()));
         let expected = (pulses[0] + pulses[1]) * 12.5;

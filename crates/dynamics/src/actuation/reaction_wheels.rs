@@ -104,7 +104,7 @@ impl<const N: usize> StatefulActuation for ReactionWheels<N> {
         momentum + self.motor_torques(momentum, command, hold_s) * hold_s
     }
 
-    fn stored_momentum_body(&self, momentum: &SVector<f64, N>) -> Vector3<f64> {
-        -(self.effectiveness * momentum)
+    fn stored_momentum_body(&self, momentum: &SVector<f64, N>) -> Option<Vector3<f64>> {
+        Some(-(self.effectiveness * momentum))
     }
 }

@@ -81,14 +81,14 @@ pub trait StatefulActuation {
     /// The state after the command was held.
     fn advanced(&self, inner: &Self::Inner, command: &Self::Command, hold_s: f64) -> Self::Inner;
 
-    /// Angular momentum that turns within the body, relative to it, N m s.
-    fn stored_momentum_body(&self, _inner: &Self::Inner) -> Vector3<f64> {
-        Vector3::zeros()
+    /// Angular momentum that turns within the body, relative to it, N m s; `None` of actuators that never hold any.
+    fn stored_momentum_body(&self, _inner: &Self::Inner) -> Option<Vector3<f64>> {
+        None
     }
 
     /// Torque on a body that turns what is stored along with it, `h x w`, N m. It does no work.
     fn gyroscopic_torque(&self, inner: &Self::Inner, angular_velocity_body: &Vector3<f64>) -> Vector3<f64> {
-        self.stored_momentum_body(inner).cross(angular_velocity_body)
+        self.stored_momentum_body(inner).unwrap_or_default().cross(angular_velocity_body)
     }
 }
 
@@ -124,7 +124,8 @@ impl<A: StatefulActuation, B: StatefulActuation> StatefulActuation for (A, B) {
     fn advanced(&self, inner: &Self::Inner, command: &Self::Command, hold_s: f64) -> Self::Inner {
         (self.0.advanced(&inner.0, &command.0, hold_s), self.1.advanced(&inner.1, &command.1, hold_s))
     }
-    fn stored_momentum_body(&self, inner: &Self::Inner) -> Vector3<f64> {
-        self.0.stored_momentum_body(&inner.0) + self.1.stored_momentum_body(&inner.1)
+    fn stored_momentum_body(&self, inner: &Self::Inner) -> Option<Vector3<f64>> {
+        let both = [self.0.stored_momentum_body(&inner.0), self.1.stored_momentum_body(&inner.1)];
+        both.into_iter().flatten().reduce(|first, second| first + second)
     }
 }

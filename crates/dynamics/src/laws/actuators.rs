@@ -129,7 +129,8 @@ pub fn check_momentum_storage<A: StatefulActuation>(
             let next = actuation.advanced(&inner, &command, hold_s);
             let inputs = (&inner, &command);
             require("no force", &inputs, &0.0, &realized.force, realized.force.amax(), 0.0)?;
-            let [before, after] = [&inner, &next].map(|inner| actuation.stored_momentum_body(inner));
+            let [before, after] =
+                [&inner, &next].map(|inner| actuation.stored_momentum_body(inner).unwrap_or_default());
             let (gained, given) = (after - before, -(realized.torque * hold_s));
             let size = before.amax().max(after.amax()).max(given.amax()).max(f64::MIN_POSITIVE);
             let error = (gained - given).amax() / size;

@@ -307,7 +307,7 @@ fn reaction_wheels_by_hand() {
     let torque = wheels.gyroscopic_torque(&momentum, &rate);
     assert!((torque - Vector3::new(0.4, 0.2, 0.0)).amax() < 1e-15 && torque.dot(&rate).abs() < 1e-15);
     // the body takes the opposite of what the wheels take
-    assert!((wheels.stored_momentum_body(&momentum) + wanted.torque).amax() < 1e-15);
+    assert!((wheels.stored_momentum_body(&momentum).unwrap() + wanted.torque).amax() < 1e-15);
     let flat = [Vector3::x_axis(), Vector3::y_axis(), Vector3::x_axis()];
     assert_eq!(ReactionWheels::try_new(flat.map(axis)), Err(DynamicsError::OutOfReach { component: 2 }));
     let weak = [axis(axes[0]), ReactionWheel { largest_momentum_n_m_s: -1.0, ..axis(axes[1]) }, axis(axes[2])];
@@ -462,7 +462,7 @@ struct BrokenWheels {
     allocate: fn(&State<4>, &Wrench<f64>, f64) -> Result<State<4>, DynamicsError>,
     realize: fn(&State<4>, &State<4>, f64) -> Wrench<f64>,
     advance: fn(&State<4>, &State<4>, f64) -> State<4>,
-    stored: fn(&State<4>) -> Vector3<f64>,
+    stored: fn(&State<4>) -> Option<Vector3<f64>>,
 }
 
 impl Default for BrokenWheels {
@@ -488,7 +488,7 @@ impl StatefulActuation for BrokenWheels {
     fn advanced(&self, momentum: &State<4>, torques: &State<4>, hold_s: f64) -> State<4> {
         (self.advance)(momentum, torques, hold_s)
     }
-    fn stored_momentum_body(&self, momentum: &State<4>) -> Vector3<f64> {
+    fn stored_momentum_body(&self, momentum: &State<4>) -> Option<Vector3<f64>> {
         (self.stored)(momentum)
     }
 }
@@ -548,8 +548,14 @@ fn defects_of_stored_momentum_are_caught_by_name() {
     // never filled: a torque from nowhere
     let frozen = || Wheels { advance: |momentum, _, _| *momentum, ..Wheels::default() };
     assert_eq!(law_of(check_storage(&frozen())), "what the body gets the storage gives");
-    let wrong_sign = || Wheels { stored: |momentum| -pyramid().stored_momentum_body(momentum), ..Wheels::default() };
-    assert_eq!(law_of(check_storage(&wrong_sign())), "what the body gets the storage gives");
+    let wrong_sign = || Wheels {
+        stored: |momentum| pyramid().stored_momentum_body(momentum).map(|stored| -stored),
+        ..Wheels::default()
+    };
+    let untold = Wheels { stored: |_| None, ..Wheels::default() };
+    for broken in [wrong_sign(), untold] {
+        assert_eq!(law_of(check_storage(&broken)), "what the body gets the storage gives");
+    }
     let pushes = Wheels {
         realize: |m, torques, s| pyramid().realize_over(m, torques, s) + Wrench::new(Vector3::zeros(), Vector3::x()),
         ..Wheels::default()

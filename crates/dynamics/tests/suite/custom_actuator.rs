@@ -110,8 +110,8 @@ impl StatefulActuation for FluidLoops {
         inner + self.given(inner, command, hold_s) * hold_s
     }
 
-    fn stored_momentum_body(&self, inner: &Self::Inner) -> Vector3<f64> {
-        *inner
+    fn stored_momentum_body(&self, inner: &Self::Inner) -> Option<Vector3<f64>> {
+        Some(*inner)
     }
 }
 

@@ -5,7 +5,7 @@ use super::flown_layers::FlownLayers;
 use super::flown_sensing::FlownSensing;
 use super::fly_table::{Costs, table};
 use super::said::progress;
-use super::simulate::write_mcap;
+use super::simulate::{write_environment, write_mcap};
 use super::{Outcome, print};
 use crate::flight_log::{MoreColumns, Recorder};
 use crate::mission::{
@@ -155,8 +155,13 @@ pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     let log_path = folder.file("log.csv");
     let unwritable = |source| FormatsError::Unwritable { path: log_path.clone(), source };
     let file = File::create(&log_path).map_err(unwritable)?;
-    let nozzles = CommandedNozzles::of(&source)?;
-    let more = MoreColumns { nozzles: nozzles.largest_thrusts_n(), estimate: true, revisions: true };
+    let (nozzles, problem) = (CommandedNozzles::of(&source)?, source.mission(&options)?);
+    let more = MoreColumns {
+        nozzles: nozzles.largest_thrusts_n(),
+        estimate: true,
+        revisions: true,
+        stored: problem.flight.simulator.stored_momentum_body().is_some(),
+    };
     let recorder = Recorder::with(BufWriter::with_capacity(1 << 16, file), more).map_err(unwritable)?;
     let mut watch = Watch { recorder, log: log_path.clone(), costs: Costs::default(), since: Instant::now() };
     let clock = Instant::now();
@@ -165,10 +170,10 @@ pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     let Watch { recorder, costs, .. } = watch;
     recorder.finish().map_err(unwritable)?;
     progress("writing the report ...");
-    let world = source.mission(&options)?.planning.world;
-    write_mcap(&log_path, &folder.file("log.mcap"), &world, &source.description()?)?;
+    write_mcap(&log_path, &folder.file("log.mcap"), &problem.planning.world, &source.description()?)?;
     folder.write("scenario.toml", &record.scenario_toml)?;
     nozzles.write(&folder)?;
+    write_environment(&source, &folder)?;
     folder.write("truth.toml", &body_file::export(Path::new("truth.toml"), &record.summary.body_at_end())?)?;
     folder.write("summary.json", &format!("{}\n", pretty(&record)?))?;
     folder.write("report.html", &mission_report::html(&record)?)?;

@@ -266,6 +266,7 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
     let output = args.out.is_some() || args.export.is_some();
     let of_log = args.sensing.is_some()
         || args.actuators.is_some()
+        || args.environment.is_some()
         || args.planar
         || args.no_planar
         || args.reference.is_some()
@@ -280,6 +281,7 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
         || args.gravity != Vector3::zeros();
     let of_sensors = args.sensing.is_some() || args.actuators.is_some() || args.planar || args.no_planar;
     let of_one_body = of_sensors
+        || args.environment.is_some()
         || args.reference.is_some()
         || args.prior.is_some()
         || args.holdout.is_some()
@@ -317,6 +319,14 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
             "averaged cycles take no `--dry-run`; it works without `--excitation` or `--period`",
         ),
         (periodic && args.split, "averaged cycles take no `--split`; it works without `--excitation` or `--period`"),
+        (
+            periodic && args.environment.is_some(),
+            "averaged cycles take no `--environment`; it works without `--excitation` or `--period`",
+        ),
+        (
+            args.environment.is_some() && args.demo,
+            "in the flight of `--demo` nothing else acts: leave out `--environment`",
+        ),
         (
             periodic && args.prior.is_some(),
             "averaged cycles take no `--prior`; it works without `--excitation` or `--period`",
@@ -373,7 +383,7 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
 /// Refuses outputs that could not be written before any long work is done.
 fn check_outputs(args: &IdentifyArgs) -> Result<(), TumbleError> {
     for path in [&args.out, &args.export].into_iter().flatten() {
-        let inputs = [&args.log, &args.reference, &args.prior, &args.excitation, &args.actuators];
+        let inputs = [&args.log, &args.reference, &args.prior, &args.excitation, &args.actuators, &args.environment];
         let inputs = inputs.into_iter().flatten().chain(&args.more);
         let same =
             |input: &PathBuf| input.canonicalize().is_ok_and(|real| path.canonicalize().is_ok_and(|p| p == real));

@@ -9,6 +9,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_formats::actuator_file::{self, ActuatorFile};
+use tumble_formats::environment_file;
 use tumble_formats::log::{CommandedReader, CommandedSample, seconds};
 use tumble_formats::recording::{Container, ulog_flight};
 use tumble_formats::{FormatsError, Robots, SampleReader, body_file, recording};
@@ -48,7 +49,9 @@ pub(super) struct Log {
     pub(super) duration_s: f64,
     /// What its commands drive, where they make the wrench.
     pub(super) actuators: Option<ActuatorFile>,
-    /// What identifies it, told of the sensors and of the plane.
+    /// Whether more acts than it says.
+    is_in_environment: bool,
+    /// What identifies it, told of the sensors, of the plane and of what else acts.
     pipeline: Pipeline,
 }
 
@@ -91,7 +94,8 @@ impl Log {
             warnings,
             duration_s,
             actuators: None,
-            pipeline: pipeline().flown_with(told),
+            is_in_environment: args.environment.is_some(),
+            pipeline: pipeline(args)?.flown_with(told),
         };
         Ok(log.without_held_out(args))
     }
@@ -132,7 +136,8 @@ impl Log {
             warnings: Vec::new(),
             duration_s: demo::DURATION_S,
             actuators: None,
-            pipeline: pipeline(),
+            is_in_environment: false,
+            pipeline: methods(),
         })
     }
 
@@ -145,7 +150,7 @@ impl Log {
             let FlightLikelihood { sensing, .. } = told(args, robots, false)?;
             return Self::from_commands(args, &args.logs(), actuator_file::read(file)?, sensing, reference);
         }
-        let stated = told(args, robots, false)?;
+        let (stated, pipeline) = (told(args, robots, false)?, pipeline(args)?);
         let mut reader = SampleReader::open_all(&args.logs(), args.reorder, args.robot.as_deref(), robots)?;
         let told = FlightLikelihood { plane: plane(args, reader.is_planar()), ..stated };
         if told.plane == Plane::Planar && OF_FREE_BODIES.contains(&args.of_samples()) {
@@ -189,8 +194,17 @@ impl Log {
         let mut warnings = reader.warnings();
         warnings.extend(contradicted);
         let duration_s = seconds(last_ns - first_ns);
-        let (source, pipeline) = (path.display().to_string(), pipeline().flown_with(told));
-        Ok(Self { source, rows, estimation_rows: 0, reference, warnings, duration_s, actuators: None, pipeline })
+        Ok(Self {
+            source: path.display().to_string(),
+            rows,
+            estimation_rows: 0,
+            reference,
+            warnings,
+            duration_s,
+            actuators: None,
+            is_in_environment: args.environment.is_some(),
+            pipeline: pipeline.flown_with(told),
+        })
     }
 
     /// A log of commands, which make its wrench.
@@ -205,6 +219,7 @@ impl Log {
             let message = "`--actuators` takes one log: a CSV file or a ULog".to_owned();
             return Err(TumbleError::BadOption { message });
         };
+        let pipeline = pipeline(args)?;
         let CommandedLog { mut record, commands, moves, logged, is_planar, mut warnings } =
             CommandedLog::read(path, args.reorder, &file.columns)?;
         let (Some(first), Some(last)) = (record.first(), record.last()) else {
@@ -234,7 +249,8 @@ impl Log {
             warnings,
             duration_s,
             actuators: Some(file),
-            pipeline: pipeline().flown_with(told),
+            is_in_environment: args.environment.is_some(),
+            pipeline: pipeline.flown_with(told),
         })
     }
 
@@ -320,6 +336,7 @@ impl Log {
 
     pub(super) fn identify(&self, settings: &Settings) -> Result<Identification, TumbleError> {
         if self.estimation_rows > LongRecord::LONG
+            && !self.is_in_environment
             && let Some(found) = self.identify_long(settings)?
         {
             return Ok(found);
@@ -491,8 +508,14 @@ const fn plane(args: &IdentifyArgs, by_columns: bool) -> Plane {
     }
 }
 
+/// The methods, told of what else acts by the options.
+fn pipeline(args: &IdentifyArgs) -> Result<Pipeline, TumbleError> {
+    let environment = args.environment.as_deref().map(environment_file::read).transpose()?;
+    Ok(methods().acted_on_by(environment.unwrap_or_default()))
+}
+
 /// The library's methods, and those that the program added.
-fn pipeline() -> Pipeline {
+fn methods() -> Pipeline {
     ADDED_METHODS.entries().into_iter().fold(Pipeline::new(), |pipeline, (name, sentence, make)| {
         pipeline.with(name, sentence, move |problem| make(problem))
     })

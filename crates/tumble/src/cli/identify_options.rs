@@ -70,6 +70,9 @@ pub struct IdentifyArgs {
     /// are found, and one that is far off is named.
     #[arg(long, value_name = "FILE")]
     pub(super) actuators: Option<PathBuf>,
+    /// What acts besides the logged wrench: gravity gradient, drag, constant wrenches (TOML; `docs/log-format.md`).
+    #[arg(long, value_name = "FILE")]
+    pub(super) environment: Option<PathBuf>,
     /// A body to compare with (TOML or JSON).
     #[arg(long, value_name = "FILE", conflicts_with = "demo")]
     pub(super) reference: Option<PathBuf>,

@@ -23,9 +23,13 @@ use tumble_dynamics::{InertialParameters, World};
 use tumble_formats::FormatsError;
 use tumble_formats::Robots;
 use tumble_formats::body_file::{self, BodyFile};
+use tumble_formats::environment_file;
 use tumble_formats::log;
 use tumble_formats::recording::mcap_log::McapSink;
 use tumble_formats::recording::rows::read_csv;
+
+/// The file beside the log that tells of the environment.
+const ENVIRONMENT: &str = "environment.toml";
 
 /// Options of `tumble simulate`.
 #[derive(Args)]
@@ -97,6 +101,7 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
         nozzles: nozzles.largest_thrusts_n(),
         estimate: false,
         revisions: simulate_control::is_told(&flight),
+        stored: flight.simulator.stored_momentum_body().is_some(),
     };
     let mut recorder = Recorder::with(out, more).map_err(unwritable)?;
 
@@ -119,6 +124,7 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     let speed = flight.duration_ns as f64 * 1e-9 / wall_s.max(1e-9);
     folder.write("scenario.toml", &source.to_toml()?)?;
     nozzles.write(&folder)?;
+    write_environment(&source, &folder)?;
     folder.write("truth.toml", &body_file::export(Path::new("truth.toml"), &truth)?)?;
     folder.write("summary.json", &format!("{summary:#}\n"))?;
     let timings = serde_json::json!({ "format": 1, "wall_s": wall_s, "speed_over_real_time": speed });
@@ -158,6 +164,12 @@ fn ended(place: &Path, flight: &Flight, rows: u64, left_out: u64) -> Outcome {
     let more = if violations.len() > 1 { format!(" ({} such events)", violations.len()) } else { String::new() };
     tell_line!("not as it should be: {} at {:.3} s{more}", first.event, seconds(first));
     Outcome::NotAchieved
+}
+
+/// What acts beside the actuators, where the scenario says it: what `identify --environment` takes.
+pub(super) fn write_environment(source: &ScenarioSource, folder: &OutputFolder) -> Result<(), TumbleError> {
+    let Some(table) = &source.scenario.environment else { return Ok(()) };
+    folder.write(ENVIRONMENT, &environment_file::text(table, &folder.file(ENVIRONMENT))?)
 }
 
 /// The log as `tumble convert` writes it, the world and the robot.

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use std::fmt::Write as _;
 use tumble_astrobee::sensing::{LocalizationEstimate, TrueMotion};
 use tumble_astrobee::simulator::{CONTROL_PERIOD_NS, SimulatorMeasurement, extrapolated};
+use tumble_dynamics::nalgebra::Vector3;
 use tumble_lie::Wrench;
 
 /// The columns of a simulated flight with sensors, measured ones first.
@@ -29,6 +30,8 @@ pub const NOZZLE_COLUMNS: [&str; 12] = [
     "cmd_nozzle_11",
     "cmd_nozzle_12",
 ];
+/// What comes after them where wheels turn.
+const STORED_HEADER: &str = ",stored_x,stored_y,stored_z";
 /// What comes after them where beliefs change.
 const REVISIONS_HEADER: &str = ",plan_revision,belief_revision";
 /// What comes between where the robot estimates its body: mass, centre of mass, inertia about it.
@@ -48,6 +51,8 @@ const REMEMBERED: usize = 256;
 pub struct MoreColumns {
     /// [`NOZZLE_COLUMNS`]: the thrust of each nozzle at a command of one, N.
     pub nozzles: Option<[f64; 12]>,
+    /// The momentum of wheels.
+    pub stored: bool,
     /// The estimate of the body, zero until told.
     pub estimate: bool,
     /// Revisions of plan and belief, zero until told.
@@ -61,6 +66,8 @@ struct Period {
     believed_wrench_body: Wrench<f64>,
     realized_wrench_body: Wrench<f64>,
     wanted_wrench_body: Wrench<f64>,
+    /// As it begins and as it ends.
+    stored_momentum_body: [Vector3<f64>; 2],
     /// Of what was believed and realised before, from the start of the flight.
     impulses: [Wrench<f64>; 2],
     believed_thrusts_n: [f64; 12],
@@ -76,6 +83,12 @@ impl Period {
         let since_s = (time_ns - self.start.time_ns) as f64 * 1e-9;
         let [believed, realized] = self.impulses;
         [believed + self.believed_wrench_body * since_s, realized + self.realized_wrench_body * since_s]
+    }
+
+    /// Momentum of the wheels at a time in the period.
+    fn stored_at(&self, time_ns: i64) -> Vector3<f64> {
+        let [before, after] = self.stored_momentum_body;
+        before.lerp(&after, (time_ns - self.start.time_ns) as f64 / CONTROL_PERIOD_NS as f64)
     }
 
     /// Impulses of the nozzles up to a time in the period, N s.
@@ -106,6 +119,7 @@ pub struct Recorder<W: std::io::Write> {
     left_out: u64,
     /// Of a nozzle at a command of one, N.
     largest_thrusts_n: Option<[f64; 12]>,
+    has_stored: bool,
     revisions: Option<[u64; 2]>,
     estimate: Option<EstimateColumns>,
 }
@@ -128,11 +142,13 @@ impl<W: std::io::Write> Recorder<W> {
         for column in NOZZLE_COLUMNS.iter().filter(|_| more.nozzles.is_some()) {
             write!(out, ",{column}")?;
         }
+        let stored = if more.stored { STORED_HEADER } else { "" };
         let estimated = if more.estimate { ESTIMATE_HEADER } else { "" };
         let revised = if more.revisions { REVISIONS_HEADER } else { "" };
-        writeln!(out, "{estimated}{revised}")?;
+        writeln!(out, "{stored}{estimated}{revised}")?;
         Ok(Self {
             largest_thrusts_n: more.nozzles,
+            has_stored: more.stored,
             revisions: more.revisions.then_some([0; 2]),
             estimate: more.estimate.then_some([[0.0; 10]; 2]),
             out,
@@ -172,6 +188,7 @@ impl<W: std::io::Write> Recorder<W> {
             believed_wrench_body: period.believed_wrench_body,
             realized_wrench_body: period.realized_wrench_body,
             wanted_wrench_body: period.wanted_wrench_body,
+            stored_momentum_body: period.stored_momentum_body,
             believed_thrusts_n: period.believed_thrusts_n,
             nozzle_impulses_n_s,
             revisions: self.revisions,
@@ -236,6 +253,9 @@ impl<W: std::io::Write> Recorder<W> {
                 *thrust_n = (*thrust_n / largest_n).clamp(0.0, 1.0);
             }
             push_numbers(&mut self.row, &thrusts_n);
+        }
+        if self.has_stored {
+            push_numbers(&mut self.row, &period.stored_at(estimate.stamp_ns));
         }
         push_told(&mut self.row, period);
         self.out.write_all(self.row.as_bytes())

@@ -366,8 +366,10 @@ pub fn fly(
     let mut sums = Sums::watched_by(invariants::watch(&problem));
     sums.series.force_limit_n = array(&problem.force_limit_n);
     sums.series.torque_limit_n_m = array(&problem.torque_limit_n_m);
-    let (mut acted, mut arrived, mut heard) = (Wrench::zero(), Vec::<Measurement>::new(), Vec::new());
-    let mut from_ns = problem.flight.simulator.time_ns();
+    let (mut arrived, mut heard) = (Vec::<Measurement>::new(), Vec::new());
+    let start_ns = problem.flight.simulator.time_ns();
+    let mut acted =
+        Acted { from_ns: start_ns, until_ns: start_ns, wrench_body: Wrench::zero(), stored_body: Vector3::zeros() };
     let mut periods = 0;
     while flying.end().is_none() {
         let time_ns = problem.flight.simulator.time_ns();
@@ -397,8 +399,7 @@ pub fn fly(
         while let Some(answer) = Office::<EllipsoidWorld>::ready(&mut planners, time_ns) {
             flying.answer(answer);
         }
-        let acting = Acted { from_ns, until_ns: time_ns, wrench_body: acted, stored_body: Vector3::zeros() };
-        let command = flying.step(&acting, &arrived, &mut notes).map_err(TumbleError::Planning)?;
+        let command = flying.step(&acted, &arrived, &mut notes).map_err(TumbleError::Planning)?;
         while let Some(request) = flying.next_request() {
             notes.plan(time_ns, &mut planners, &request);
         }
@@ -415,12 +416,17 @@ pub fn fly(
         let change = notes.faults.before_step(time_ns, &command.wrench_body);
         change.apply(&mut problem.flight.simulator)?;
         let measured = problem.flight.push(&change.wanted)?;
-        acted = measured.believed_wrench_body;
         let simulator = &problem.flight.simulator;
+        let [stored_before, stored_after] = measured.stored_momentum_body;
+        acted = Acted {
+            from_ns: time_ns,
+            until_ns: simulator.time_ns(),
+            wrench_body: measured.believed_wrench_body,
+            stored_body: (stored_before + stored_after) * 0.5,
+        };
         notes.faults.measurements(simulator.time_ns(), simulator.estimates(), &mut heard);
         arrived.clear();
         arrived.extend(heard.iter().map(|estimate| measurement(estimate, &problem.noise)));
-        from_ns = time_ns;
         sums.acted(&problem, &measured, periods);
         notes.hooks.period(&FlownPeriod {
             measured: &measured,

@@ -406,6 +406,7 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
             inertia: 0.03,
             planar: problem.planar,
         }),
+        environment: problem.environment.clone(),
         material_change: MATERIAL,
         seed,
         ..LoopSettings::new(

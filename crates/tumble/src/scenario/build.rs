@@ -21,9 +21,12 @@ use tumble_astrobee::simulator::{
 };
 use tumble_astrobee::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
-use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, RigidBodyState, World, WrenchBox};
+use tumble_dynamics::{
+    AlignedBox, Environment, InertialParameters, ObstacleEllipsoid, RigidBodyState, World, WrenchBox,
+};
 use tumble_formats::FormatsError;
 use tumble_formats::body_file::{self, BodyFile};
+use tumble_formats::environment_file::{EnvironmentTable, ImpossibleNumber};
 use tumble_formats::excitation_file::ExcitationFile;
 use tumble_formats::log::{BoundedRows, QUATERNION_NORM_TOLERANCE, Row, read_row, seconds, shortened};
 use tumble_identification::noise::Gaussian;
@@ -110,6 +113,7 @@ impl ScenarioSource {
             speed_limit_m_s: self.limit("limits.speed_m_s", scenario.limits.and_then(|limits| limits.speed_m_s))?,
             rate_limit_rad_s: self.limit("limits.rate_rad_s", scenario.limits.and_then(|limits| limits.rate_rad_s))?,
             drag: scenario.propulsion.drag.then(air_drag),
+            environment: self.environment()?,
             actuators: self.actuators(impellers, &belief)?,
             sensors: Some(self.sensors(place, impellers)?),
         };
@@ -129,6 +133,13 @@ impl ScenarioSource {
             payload_changes: self.payload_changes(duration_ns)?,
             estimate: None,
         })
+    }
+
+    /// What acts beside actuators and the cabin's air.
+    pub(super) fn environment(&self) -> Result<Environment, TumbleError> {
+        let models = self.scenario.environment.as_ref().map(EnvironmentTable::environment);
+        let bad = |error: ImpossibleNumber| self.bad(&format!("environment.{}", error.key), &error.message);
+        Ok(models.transpose().map_err(bad)?.unwrap_or_default())
     }
 
     /// At least a control period, at most a day.

@@ -11,6 +11,7 @@ pub use table::{ArrivalTable, ComputingTable, EstimatorTable, FlyTable, Informat
 use super::{Margins, MissionProblem, ScenarioSource};
 use crate::TumbleError;
 use crate::mission::FlyOptions;
+use tumble_dynamics::Environment;
 use tumble_identification::recursive::SlowErrors;
 use tumble_planning::PlanningError;
 
@@ -35,6 +36,8 @@ impl ScenarioSource {
         if place.is_planar() {
             truth = tumble_astrobee::simulator::planar_part(&truth);
         }
+        let fly = self.scenario.fly.as_ref();
+        let is_told = fly.and_then(|fly| fly.knows_environment).unwrap_or(true);
         Ok(MissionProblem {
             name: self.scenario.name.clone(),
             place,
@@ -68,7 +71,8 @@ impl ScenarioSource {
             slow,
             thrusters: self.erring_thrusters()?,
             station_stretches: numbers.station_stretches,
-            layers: options.layers.or(self.scenario.fly.as_ref().and_then(|fly| fly.layers).unwrap_or_default()),
+            environment: if is_told { self.environment()? } else { Environment::default() },
+            layers: options.layers.or(fly.and_then(|fly| fly.layers).unwrap_or_default()),
         })
     }
 }

@@ -5,8 +5,8 @@ use super::plan_local_table::UnknownsName;
 use super::planning_problem::PlanningProblem;
 use crate::mission::LayerNames;
 use tumble_astrobee::worlds::WorldPreset;
-use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
+use tumble_dynamics::{Environment, InertialParameters};
 use tumble_identification::Estimate;
 use tumble_identification::recursive::{ErringThruster, MotionNoise, SlowErrors, THRUSTERS};
 use tumble_identification::sensing::LocalizationLimits;
@@ -80,6 +80,8 @@ pub struct MissionProblem {
     pub stop: StopLimits,
     /// Stretches that excite at the start pose instead of a flight; zero for a flight.
     pub station_stretches: u32,
+    /// What the robot knows of that acts beside its actuators.
+    pub environment: Environment,
     /// Layers that are not the usual ones.
     pub layers: LayerNames,
 }

@@ -7,6 +7,7 @@ use super::plan_table::PlanTable;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use tumble_astrobee::sensing::{LocalizationSettings, SensingPreset};
+use tumble_formats::environment_file::EnvironmentTable;
 
 /// The only version of the format.
 pub const FORMAT: u32 = 1;
@@ -60,6 +61,9 @@ pub struct Scenario {
     /// What makes them.
     #[serde(default)]
     pub propulsion: PropulsionTable,
+    /// What acts beside them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub environment: Option<EnvironmentTable>,
     /// What measures.
     #[serde(default)]
     pub sensing: SensingTable,

@@ -50,6 +50,9 @@ pub struct FlyTable {
     /// Stretches that excite at the start pose instead of a flight.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub station_stretches: Option<u32>,
+    /// Whether the robot is told of `[environment]`; it is unless given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub knows_environment: Option<bool>,
     /// Estimator, planners and controller by name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layers: Option<LayerNames>,
