@@ -71,15 +71,18 @@ impl LogFile {
         Self::copy(File::open(named)?, named, limit, progress)
     }
 
-    fn copy(source: impl Read, named: &Path, limit: u64, progress: &mut dyn FnMut(u64)) -> io::Result<Self> {
+    /// A place for a log that is made up: an empty file of this name, to be written before it is read, and removed when this is dropped.
+    ///
+    /// # Errors
+    /// [`FormatsError::Unwritable`].
+    pub fn to_write(named: &Path) -> Result<Self, FormatsError> {
+        let file = Self::beside(named).and_then(|file| File::create(&file.path).map(|_| file));
+        file.map_err(|source| FormatsError::Unwritable { path: named.into(), source })
+    }
+
+    /// A file of that name in a folder of its own, removed with it whatever comes.
+    fn beside(named: &Path) -> io::Result<Self> {
         static COPIES: AtomicUsize = AtomicUsize::new(0);
-        let mut source = BufReader::new(source);
-        let mut head = Vec::new();
-        source.by_ref().take(2).read_to_end(&mut head)?;
-        let is_compressed = head == GZIP;
-        let whole = io::Cursor::new(head).chain(source);
-        let mut plain: Box<dyn Read> =
-            if is_compressed { Box::new(MultiGzDecoder::new(whole)) } else { Box::new(whole) };
         let folder = loop {
             let copy = COPIES.fetch_add(1, Ordering::Relaxed);
             let folder = std::env::temp_dir().join(format!("tumble-{}-{copy}", std::process::id()));
@@ -89,14 +92,24 @@ impl LogFile {
                 created => break created.map(|()| folder)?,
             }
         };
-        // From here on the folder is removed, whatever comes.
         let name = if named.extension().is_some_and(|extension| extension == "gz") {
             named.file_stem()
         } else {
             named.file_name()
         };
         let path = folder.join(name.unwrap_or("log".as_ref()));
-        let copied = Self { named: named.into(), path, copied_to: Some(folder) };
+        Ok(Self { named: named.into(), path, copied_to: Some(folder) })
+    }
+
+    fn copy(source: impl Read, named: &Path, limit: u64, progress: &mut dyn FnMut(u64)) -> io::Result<Self> {
+        let mut source = BufReader::new(source);
+        let mut head = Vec::new();
+        source.by_ref().take(2).read_to_end(&mut head)?;
+        let is_compressed = head == GZIP;
+        let whole = io::Cursor::new(head).chain(source);
+        let mut plain: Box<dyn Read> =
+            if is_compressed { Box::new(MultiGzDecoder::new(whole)) } else { Box::new(whole) };
+        let copied = Self::beside(named)?;
         let mut file = File::create(&copied.path)?;
         let mut begin = Vec::new();
         plain.by_ref().take(HEAD_BYTES).read_to_end(&mut begin)?;
@@ -195,6 +208,19 @@ mod tests {
         let copied = log.path().to_owned();
         drop(log);
         assert!(!copied.exists() && !copied.parent().unwrap().exists());
+    }
+
+    #[test]
+    fn what_is_made_up_is_kept_until_it_was_read() {
+        let log = LogFile::to_write("made/up.toml".as_ref()).unwrap();
+        fs::write(log.path(), "t_s\n").unwrap();
+        assert_eq!(
+            (fs::read_to_string(log.path()).unwrap().as_str(), log.path().file_name()),
+            ("t_s\n", Some("up.toml".as_ref()))
+        );
+        let place = log.path().to_owned();
+        drop(log);
+        assert!(!place.exists() && !place.parent().unwrap().exists());
     }
 
     #[test]

@@ -93,6 +93,8 @@ mod simulate_control;
 mod simulate_flight;
 #[cfg(feature = "astrobee")]
 mod simulate_page;
+#[cfg(feature = "astrobee")]
+mod unflown;
 
 pub use said::{Said, captured};
 

@@ -48,6 +48,9 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
         outputs = Outputs::reserve(args)?;
     }
     let named = args.logs();
+    #[cfg(feature = "astrobee")]
+    let files = super::unflown::logs_of(args, &named, robots)?;
+    #[cfg(not(feature = "astrobee"))]
     let files = log_files(&named)?;
     let mut paths = paths_of(&files).into_iter();
     let at_hand = IdentifyArgs { log: paths.next(), more: paths.collect(), ..args.clone() };
@@ -279,7 +282,7 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
         || args.excitation.is_some()
         || args.period.is_some()
         || args.gravity != Vector3::zeros();
-    let of_sensors = args.sensing.is_some() || args.actuators.is_some() || args.planar || args.no_planar;
+    let of_sensors = args.has_model();
     let of_one_body = of_sensors
         || args.environment.is_some()
         || args.reference.is_some()
@@ -340,7 +343,10 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
             "averaged cycles take no `--estimate`; without `--excitation` or `--period` it works, as in `--estimate bias-wrench`",
         ),
         (args.robot.is_some() && args.log.is_none(), "`--robot` chooses among the robots of a bag or an MCAP file"),
-        (args.seed.is_some() && !args.demo, "`--seed` belongs to `--demo`"),
+        (
+            args.seed.is_some() && !(args.demo || args.is_of_scenario()),
+            "`--seed` belongs to `--demo`, and to the scenario of a `--dry-run`",
+        ),
         (args.wheel.is_none() && args.calibration.is_some(), "`--calibration` belongs to `--wheel`"),
         (args.wheel.is_none() && args.mass.is_some(), "`--mass` belongs to `--wheel`"),
         (args.wheel.is_some() && args.calibration.is_none(), "`--wheel` needs `--calibration`"),
@@ -358,8 +364,12 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
             "`--sensing`, `--actuators`, `--planar` and `--no-planar` belong to `--method flight-likelihood` (or auto)",
         ),
         (
-            of_sensors && (args.demo || periodic || args.dry_run || !args.estimate.is_empty()),
-            "`--sensing`, `--actuators`, `--planar` and `--no-planar` are for a log: no `--demo`, `--excitation`, `--period`, `--dry-run`, `--estimate`",
+            of_sensors && (args.demo || periodic || !args.estimate.is_empty()),
+            "`--sensing`, `--actuators`, `--planar` and `--no-planar` are for a log: no `--demo`, `--excitation`, `--period`, `--estimate`",
+        ),
+        (
+            of_sensors && args.wrench_noise.is_some(),
+            "`--wrench-noise` judges the motion alone: no `--sensing`, `--actuators`, `--planar`, `--no-planar`",
         ),
         (
             args.actuators.is_some() && (args.split || args.holdout.is_some() || args.robot.is_some()),
@@ -497,7 +507,7 @@ fn dry_run(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcom
     for warning in &log.warnings {
         tell_line!("warning: {warning}");
     }
-    if args.wrench_noise.is_none() && log.is_driven()? {
+    if args.has_model() || args.wrench_noise.is_none() && log.is_driven()? {
         return promise(args, log, settings);
     }
     let wrench_noise = args.wrench_noise.unwrap_or(demo::WRENCH_NOISE);
@@ -524,6 +534,7 @@ fn promise(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcom
         source: log.source.clone(),
         reader_warnings: Vec::new(),
         duration_s: log.duration_s,
+        actuators: log.actuators.as_ref(),
         ..Context::default()
     };
     for warning in report::warnings(&found, &context) {

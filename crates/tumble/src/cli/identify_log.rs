@@ -168,7 +168,7 @@ impl Log {
         else {
             return Err(FormatsError::Empty { path: path.clone(), what: "data rows" }.into());
         };
-        if let Some(reason) = reader.lacks_wrench().filter(|_| !args.dry_run) {
+        if let Some(reason) = reader.lacks_wrench().filter(|_| !args.dry_run || args.has_model()) {
             return Err(FormatsError::NoFlight { path: path.clone(), reason }.into());
         }
         let contradicted = contradictions(args, &told, &record);

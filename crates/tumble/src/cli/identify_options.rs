@@ -34,7 +34,7 @@ pub struct IdentifyArgs {
     /// Simulate a flight with unknown cargo, add noise, estimate and compare with the truth.
     #[arg(long, conflicts_with = "log")]
     pub(super) demo: bool,
-    /// Which simulated flight; another seed gives another cargo and other noise.
+    /// Which simulated flight; another seed gives another cargo and other noise. Of a scenario instead of its own.
     #[arg(long, value_name = "N")]
     pub(super) seed: Option<u64>,
     /// Print a valid log header with two rows, and stop.
@@ -91,8 +91,9 @@ pub struct IdentifyArgs {
     /// Where the body changed within the log, identify the parts before and after separately.
     #[arg(long)]
     pub(super) split: bool,
-    /// Say what this log can answer and how well, and nothing of the body: by the model that would identify it, or where no wrench is logged by
-    /// the motion alone.
+    /// Say what this log can answer and how well, and nothing of the body: by the model that would identify it with the same options, or where no
+    /// wrench is logged by the motion alone. Also of a scenario in the place of the log, by name or file: what `tumble simulate` would write of it
+    /// (`--sensing` is then flown and told).
     #[arg(long)]
     pub(super) dry_run: bool,
     /// With --dry-run: judge the motion alone, under a wrench with this noise per sample, one sigma, N m and N (1e-4,1e-3 where no wrench is
@@ -180,6 +181,20 @@ impl IdentifyArgs {
     pub(super) fn harmonic(&self) -> Option<HarmonicEstimator> {
         let of_cycles = OF_CYCLES.iter().find(|(name, ..)| *name == self.method);
         of_cycles.map(|(.., estimator)| *estimator).or((self.method == AUTO).then_some(HarmonicEstimator::Likelihood))
+    }
+
+    /// Whether they say what the log is of a body's motion, so that only a likelihood takes it.
+    pub(super) fn has_model(&self) -> bool {
+        self.sensing.is_some() || self.actuators.is_some() || self.planar || self.no_planar
+    }
+
+    /// Whether a promise is asked for of a scenario that nobody has flown.
+    pub(super) fn is_of_scenario(&self) -> bool {
+        #[cfg(feature = "astrobee")]
+        let is_scenario = self.log.as_deref().is_some_and(super::unflown::is_scenario);
+        #[cfg(not(feature = "astrobee"))]
+        let is_scenario = false;
+        self.dry_run && self.more.is_empty() && is_scenario
     }
 
     /// Every file of the log.

@@ -4,11 +4,10 @@ use super::commanded_nozzles::CommandedNozzles;
 use super::flown_sensing::FlownSensing;
 use super::said::progress;
 use super::simulate_control;
-use super::simulate_flight::{Flown, fly, seconds, to_goal};
+use super::simulate_flight::{Flown, fly_to_log, seconds, to_goal};
 use super::simulate_page;
 use super::{Outcome, print};
 use crate::TumbleError;
-use crate::flight_log::{MoreColumns, Recorder};
 use crate::output::{OutputFolder, RUN_RECORD, unused};
 use crate::page::Page;
 use crate::scenario::{Flight, LONGEST_S, ScenarioSource};
@@ -93,25 +92,10 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     };
     let folder = OutputFolder::create(&place, args.force)?;
     let log_path = folder.file("log.csv");
-    let unwritable = |source| FormatsError::Unwritable { path: log_path.clone(), source };
-    let file = File::create(&log_path).map_err(unwritable)?;
-    let out = BufWriter::with_capacity(1 << 16, file);
     let nozzles = CommandedNozzles::of(&source)?;
-    let more = MoreColumns {
-        nozzles: nozzles.largest_thrusts_n(),
-        estimate: false,
-        revisions: simulate_control::is_told(&flight),
-        stored: flight.simulator.stored_momentum_body().is_some(),
-    };
-    let mut recorder = Recorder::with(out, more).map_err(unwritable)?;
 
     let clock = Instant::now();
-    let flown = fly(&mut flight, |flight, measured| {
-        // the way is laid out once, before the flight
-        recorder.revise(1, flight.drive.account.model_revision());
-        Ok(recorder.record(measured, flight.simulator.estimates()).map_err(unwritable)?)
-    })?;
-    let (rows, left_out) = recorder.finish().map_err(unwritable)?;
+    let (flown, rows, left_out) = fly_to_log(&mut flight, &nozzles, &log_path)?;
     let wall_s = clock.elapsed().as_secs_f64();
     if args.mcap {
         progress("writing log.mcap ...");

@@ -1,13 +1,18 @@
 //! The flight of `tumble simulate`, and what is counted on the way.
 
+use super::commanded_nozzles::CommandedNozzles;
 use super::said::progress;
-use super::simulate_control::Tracked;
+use super::simulate_control::{self, Tracked};
 use crate::TumbleError;
+use crate::flight_log::{MoreColumns, Recorder};
 use crate::scenario::Flight;
-use std::io::IsTerminal as _;
+use std::fs::File;
+use std::io::{BufWriter, IsTerminal as _};
+use std::path::Path;
 use std::time::{Duration, Instant};
 use tumble_astrobee::simulator::{CONTROL_PERIOD_S, SimulatorMeasurement, TimedEvent};
 use tumble_dynamics::nalgebra::Vector3;
+use tumble_formats::FormatsError;
 use tumble_lie::LieGroup;
 
 /// Control periods between two looks at the progress.
@@ -31,8 +36,32 @@ pub(super) struct Flown {
     pub(super) tracked: Tracked,
 }
 
+/// Flies to the end and writes the log; how many rows it has, and how many estimates are in none.
+pub(super) fn fly_to_log(
+    flight: &mut Flight,
+    nozzles: &CommandedNozzles,
+    log: &Path,
+) -> Result<(Flown, u64, u64), TumbleError> {
+    let unwritable = |source| FormatsError::Unwritable { path: log.into(), source };
+    let out = BufWriter::with_capacity(1 << 16, File::create(log).map_err(unwritable)?);
+    let more = MoreColumns {
+        nozzles: nozzles.largest_thrusts_n(),
+        estimate: false,
+        revisions: simulate_control::is_told(flight),
+        stored: flight.simulator.stored_momentum_body().is_some(),
+    };
+    let mut recorder = Recorder::with(out, more).map_err(unwritable)?;
+    let flown = fly(flight, |flight, measured| {
+        // the way is laid out once, before the flight
+        recorder.revise(1, flight.drive.account.model_revision());
+        Ok(recorder.record(measured, flight.simulator.estimates()).map_err(unwritable)?)
+    })?;
+    let (rows, left_out) = recorder.finish().map_err(unwritable)?;
+    Ok((flown, rows, left_out))
+}
+
 /// Flies to the end; `each` sees every control period.
-pub(super) fn fly(
+fn fly(
     flight: &mut Flight,
     mut each: impl FnMut(&Flight, &SimulatorMeasurement) -> Result<(), TumbleError>,
 ) -> Result<Flown, TumbleError> {

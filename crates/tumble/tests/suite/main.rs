@@ -13,6 +13,7 @@ mod convert_command;
 mod corruption_sweep;
 mod documented_names;
 mod drawn_missions;
+mod dry_run;
 mod environment;
 mod excite_command;
 mod fault_campaign;
