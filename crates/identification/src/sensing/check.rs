@@ -11,6 +11,7 @@
 mod against;
 mod attitude;
 mod found;
+mod gravity;
 mod levels;
 mod regression;
 #[cfg(test)]
@@ -152,6 +153,8 @@ pub struct SensingCheck {
     /// Where the accelerometer sits, from the origin of the poses, axes of the rate, m: by what the angular acceleration makes there and
     /// is still in.
     pub lever_arm_m: Option<[Found; 3]>,
+    /// Gravity that the publisher of the accelerations added along the inertial z axis, m/s^2, by what errors of its attitude make of it.
+    pub gravity_added_m_s2: Option<Found>,
     /// Error of each attitude against the corrected and integrated rate: time since the first row, s, and rotation vector in inertial
     /// axes, rad, from where it stood at the first.
     pub attitude_errors: Vec<(f64, Vector3<f64>)>,
@@ -233,6 +236,7 @@ pub fn check(record: &[MotionSample], timing: WrenchTiming) -> Result<SensingChe
         reference,
         alignment: None,
         lever_arm_m: None,
+        gravity_added_m_s2: None,
         attitude_errors: Vec::new(),
     };
     if let Some(name) = reference {
@@ -363,6 +367,7 @@ fn of_poses(record: &[MotionSample], found: &mut SensingCheck) {
         });
         errors.attitude_white_rad = white(&turns.collect::<Vec<_>>());
     }
+    found.gravity_added_m_s2 = turning.and_then(|(attitude, turned)| gravity::added(record, attitude, turned));
     let view = View { poses: few, positions: &few_positions, turning };
     let pose_age = found.stream(StreamName::Pose).and_then(|s| s.offset_s);
     let velocity_later = view.velocity(record, &first);

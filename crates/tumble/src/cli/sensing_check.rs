@@ -167,6 +167,8 @@ fn object(found: &SensingCheck, contradictions: &[Contradiction]) -> Value {
         }),
         "lever_arm_m": found.lever_arm_m.map(|arm| arm.map(|f| f.value)),
         "lever_arm_sigma_m": found.lever_arm_m.map(|arm| arm.map(|f| f.sigma)),
+        "gravity_added_m_s2": found.gravity_added_m_s2.map(|g| g.value),
+        "gravity_added_sigma_m_s2": found.gravity_added_m_s2.map(|g| g.sigma),
         "contradictions": said,
     })
 }
@@ -232,6 +234,9 @@ fn table(found: &SensingCheck, contradictions: &[Contradiction]) -> String {
             for (axis, value) in ["x", "y", "z"].into_iter().zip(three.iter().flatten()) {
                 line(&format!("{name} {axis}"), &text(*value), "");
             }
+        }
+        if check.stream == StreamName::Acceleration {
+            line("  gravity added", &text(found.gravity_added_m_s2), "m/s^2 along the world's z");
         }
     }
     for contradiction in contradictions {

@@ -12,6 +12,9 @@ const LEVEL: f64 = 0.4;
 /// Ages are no nearer than this, s, and than this share of what a filter delays: a filter is no pure delay.
 const AGE_S: f64 = 5e-4;
 const OF_FILTER: f64 = 0.05;
+/// Gravity is told no better than this, m/s^2, and than this share of it: not all of an attitude's error is what the publisher went by.
+const GRAVITY_M_S2: f64 = 0.25;
+const OF_GRAVITY: f64 = 0.05;
 /// Axes of poses and rates are the same within this, rad.
 const SAME_AXES: f64 = 0.05;
 
@@ -150,6 +153,11 @@ impl SensingCheck {
             for found in stream.gain.iter().flatten().flatten() {
                 missed(keys[1], whats[1], (1.0, scale_sigma), (*found, 0.0), all);
             }
+        }
+        if let (Some([0.0, 0.0, stated]), Some(found)) = (stated.gravity_added_world_m_s2, self.gravity_added_m_s2) {
+            let what = "gravity that the publisher of the accelerations added along the world's z axis, m/s^2";
+            let unseen = GRAVITY_M_S2.hypot(OF_GRAVITY * stated);
+            missed("gravity_added_world_m_s2", what, (stated, 0.0), (found, unseen), all);
         }
         for (axis, found) in self.lever_arm_m.iter().flatten().enumerate() {
             let told = (stated.lever_arm_body_m[axis], stated.lever_arm_sigma_m);

@@ -213,7 +213,8 @@ impl View<'_> {
                 (found.sigma[4 + i] < KNOWN).then_some(Found { value: state[4 + i], sigma: found.sigma[4 + i] })
             }),
             scale: core::array::from_fn(scale),
-            lever: core::array::from_fn(|i| known(7 + i, found.sigma[7 + i], state[7 + i])),
+            // Held to zero where no rate tells of it.
+            lever: core::array::from_fn(|i| self.turning.and_then(|_| known(7 + i, found.sigma[7 + i], state[7 + i]))),
             state,
         })
     }
