@@ -275,10 +275,24 @@ fn answer<E: From<IdentificationError>>(
     Ok(conclude(record, &timeline, plan, &noise, &fit, &replaced)?)
 }
 
+/// Whether nothing acts, by all that is logged.
+fn is_without_wrench(record: &[MotionSample]) -> bool {
+    let is_all_logged = !record.iter().any(MotionSample::has_more_than_logged);
+    is_all_logged && record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0)
+}
+
+/// Whether the motion is no more than the noise of its sensors.
+fn is_at_rest(record: &[MotionSample], settings: &Settings) -> bool {
+    let wrenches = || record.iter().filter_map(|sample| sample.wrench_body);
+    let level = |sum: f64| (sum / wrenches().count().max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
+    let torque = level(wrenches().map(|wrench| wrench.torque.norm_squared()).sum());
+    let force = level(wrenches().map(|wrench| wrench.force.norm_squared()).sum());
+    predict(record, settings, (torque, force)).is_ok_and(|seen| seen.rank == 0)
+}
+
 /// Which part of the wrench says nothing.
 fn silence_of(record: &[MotionSample], fit: &Fit) -> Silence {
-    let is_all_logged = !record.iter().any(MotionSample::has_more_than_logged);
-    if is_all_logged && record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0) {
+    if is_without_wrench(record) {
         return Silence::Wrench;
     }
     match fit.explained() {
@@ -346,7 +360,8 @@ fn conclude(
     evidence.stand_in = likelihood_failed && fit.poses_noisy;
     let poor = explained.is_some_and(|share| share < plan.judge.poor_fit);
     if let Some(explained) = explained.filter(|_| poor) {
-        warnings.push(Warning::PoorFit { explained });
+        let is_still = is_at_rest(record, settings);
+        warnings.push(if is_still { Warning::AtRest } else { Warning::PoorFit { explained } });
     }
     let mut marks = Marks { likelihood_failed, errors_not_white: likelihood_failed, ..Marks::default() };
     if poor || silence == Silence::Unfollowed || likelihood_failed {

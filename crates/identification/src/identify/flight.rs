@@ -132,7 +132,10 @@ fn identification(
     if estimate.is_some_and(|found| found.lmi_active) {
         warnings.push(Warning::ConstraintActive);
     }
-    if found.explained < plan.judge.poor_fit {
+    let silence = if super::is_without_wrench(record) { Silence::Wrench } else { Silence::Nothing };
+    if silence == Silence::Wrench {
+        warnings.push(Warning::ZeroWrench);
+    } else if found.explained < plan.judge.poor_fit {
         warnings.push(Warning::PoorFit { explained: found.explained });
     }
     if found.planar {
@@ -171,7 +174,7 @@ fn identification(
         explained: Some(found.explained),
         verdict,
         evidence,
-        silence: Silence::Nothing,
+        silence,
         noise,
         delay_s: None,
         calibration: Vec::new(),

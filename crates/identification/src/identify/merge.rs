@@ -215,6 +215,7 @@ impl Warning {
             | (Self::PlanarMotion { .. }, Self::PlanarMotion { .. })
             | (Self::OnTable, Self::OnTable)
             | (Self::NoAnswer, Self::NoAnswer)
+            | (Self::AtRest, Self::AtRest)
             | (Self::LikelihoodFailed, Self::LikelihoodFailed)
             | (Self::ZeroWrench, Self::ZeroWrench)
             | (Self::SilentForce, Self::SilentForce) => {}

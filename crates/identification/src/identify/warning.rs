@@ -40,6 +40,8 @@ pub enum Warning {
         /// Share of the wrench's mean square that is explained.
         explained: f64,
     },
+    /// The motion is no more than the noise of its sensors.
+    AtRest,
     /// The poses are noisy compared with the motion inside one row.
     NoisyPoses {
         /// Estimated position noise, m.
@@ -214,6 +216,10 @@ impl fmt::Display for Warning {
                 "the best body explains {:.0} % of the wrench: check the sign, frame and timing of the wrench, the order and \
                  direction of the quaternion, units, gravity, delays, and whether the body stayed the same",
                 100.0 * explained
+            ),
+            Self::AtRest => write!(
+                f,
+                "the motion is no more than the noise of its sensors: a body at rest shows nothing of itself, whatever wrench is logged"
             ),
             Self::NoisyPoses { position_m, attitude_rad, noise_share, lag } => write!(
                 f,

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 use crate::support::page_checks::findings_of_any;
-use crate::support::{json, number, scratch, stderr, tumble};
+use crate::support::{columns_of, json, number, scratch, stderr, tumble};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -459,20 +459,6 @@ fn calibration_beside_the_body() {
     assert_eq!(tumble(&["identify", "--demo", "--estimate", "charm"]).status.code(), Some(2));
 }
 
-/// Columns of a log by name.
-fn columns_of(log: &Path, names: &[&str]) -> Vec<Vec<String>> {
-    let text = fs::read_to_string(log).unwrap();
-    let mut lines = text.lines();
-    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let places: Vec<usize> = names.iter().map(|name| header.iter().position(|other| other == name).unwrap()).collect();
-    lines
-        .map(|line| {
-            let cells: Vec<&str> = line.split(',').collect();
-            places.iter().map(|place| cells[*place].to_owned()).collect()
-        })
-        .collect()
-}
-
 #[test]
 fn station_keeping_is_doubted_for_its_feedback() {
     let flown = scratch("feedback").join("flight");
@@ -533,8 +519,14 @@ fn a_filter_that_believes_too_much_is_doubted() {
 /// Real sensors; two kilograms taken after twenty seconds, let go after sixty.
 #[test]
 fn cargo_that_is_taken_and_let_go_is_weighed() {
+    for seed in ["33", "34"] {
+        cargo_is_weighed(seed);
+    }
+}
+
+fn cargo_is_weighed(seed: &str) {
     let flown = scratch("cargo").join("flight");
-    let simulated = tumble(&["simulate", "iss-catch", "--seed", "33", "--out", flown.to_str().unwrap()]);
+    let simulated = tumble(&["simulate", "iss-catch", "--seed", seed, "--out", flown.to_str().unwrap()]);
     assert_eq!(simulated.status.code(), Some(0), "{}", stderr(&simulated));
     let log = flown.join("log.csv");
     let output = tumble(&["identify", log.to_str().unwrap(), "--split", "--json"]);
@@ -735,6 +727,24 @@ fn valves_by_their_commands() {
     assert!((number(&actuators["delay_s"]["value"]) - 0.12).abs() < 0.02);
     assert!(near(&actuators["sag"]["value"], &actuators["sag"]["std"], 0.0));
     assert!(stdout(&tumble(&["identify", log, "--actuators", file])).contains("sag per further"));
+
+    // A ninth that no row opens is named; no more is said of it than the file says, and the rest stays.
+    let (more_log, more_file) = (folder.join("nine.csv"), folder.join("nine.toml"));
+    let ninth = fs::read_to_string(log).unwrap().replace('\n', ",0\n").replacen("u_8,0", "u_8,u_9", 1);
+    fs::write(&more_log, ninth).unwrap();
+    let thruster =
+        "[[thruster]]\ncolumn = \"u_9\"\nposition_m = [0.1, 0.1, 0.0]\ndirection = [1.0, 0.0, 0.0]\nthrust_n = 0.45\n";
+    fs::write(&more_file, fs::read_to_string(file).unwrap().replace("[common]", &format!("{thruster}[common]")))
+        .unwrap();
+    let nine = ["identify", more_log.to_str().unwrap(), "--actuators", more_file.to_str().unwrap(), "--json"];
+    let output = tumble(&nine);
+    assert!(stderr(&output).contains("never commanded, so that nothing is said of them: u_9"), "{}", stderr(&output));
+    let without_ninth = json(&output);
+    let unheard = &without_ninth["actuators"]["thrusters"][8];
+    let as_told =
+        [("scale", 1.0), ("std", 0.01)].iter().all(|(key, told)| (number(&unheard[*key]) - told).abs() < 1e-9);
+    assert!(as_told, "{unheard}");
+    assert!((number(&without_ninth["mass_kg"]) / number(&found["mass_kg"]) - 1.0).abs() < 1e-3, "{without_ninth}");
 
     let refused = |change: &dyn Fn(String) -> String, of_log: bool, said: &str| {
         let (bad_log, bad_file) = (folder.join("bad.csv"), folder.join("bad.toml"));

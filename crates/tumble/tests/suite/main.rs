@@ -27,6 +27,7 @@ mod kept_results;
 mod mission_report;
 mod plan_command;
 mod plan_local_command;
+mod poor_logs;
 #[allow(dead_code, reason = "shared with the fuzz targets")]
 mod promises;
 mod readme;

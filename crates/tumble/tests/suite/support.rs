@@ -5,6 +5,7 @@ pub mod ros1;
 pub mod sample_record;
 
 use serde_json::Value;
+use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 pub use tumble_formats::testing::scratch;
@@ -30,4 +31,18 @@ pub fn json(output: &Output) -> Value {
 
 pub fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+/// Columns of a log by name.
+pub fn columns_of(log: &Path, names: &[&str]) -> Vec<Vec<String>> {
+    let text = fs::read_to_string(log).unwrap();
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let places: Vec<usize> = names.iter().map(|name| header.iter().position(|other| other == name).unwrap()).collect();
+    lines
+        .map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            places.iter().map(|place| cells[*place].to_owned()).collect()
+        })
+        .collect()
 }
