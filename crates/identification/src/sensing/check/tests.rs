@@ -254,3 +254,44 @@ fn what_is_stated_and_not_so_is_contradicted() {
         assert!(one.to_string().contains(key) && one.found.sigma > 0.0, "{one}");
     }
 }
+
+/// Whoever takes gravity out by an attitude that wanders leaves what the wander makes of it, on a table and in free flight.
+#[test]
+fn gravity_that_the_publisher_added_is_told_from_what_its_attitude_makes_of_it() {
+    for (planar, seed) in [(false, 8500), (false, 8501), (true, 8502), (true, 8503)] {
+        let (clean, mut dice) = (Streams { planar, ..STREAMS }.record(seed), Gaussian::from_seed(seed));
+        let mut slow = dice.vector(0.01);
+        let errors: Vec<Vector3<f64>> = clean
+            .iter()
+            .map(|_| {
+                let stays = (-INTERVAL_S / 5.0).exp();
+                slow = slow * stays + dice.vector(0.01 * (1.0 - stays * stays).sqrt());
+                slow
+            })
+            .collect();
+        let published = |gravity_m_s2: f64| {
+            let mut record = clean.clone();
+            for (row, error) in record.iter_mut().zip(&errors) {
+                let (Some(pose), Some(felt)) = (&mut row.world_from_body, &mut row.acceleration_origin_body) else {
+                    continue;
+                };
+                let up = pose.rotation.inverse_transform_vector(&Vector3::z());
+                pose.rotation *= <UnitQuaternion<f64> as LieGroup>::exp(error);
+                *felt += (pose.rotation.inverse_transform_vector(&Vector3::z()) - up) * gravity_m_s2;
+            }
+            check(&record, WrenchTiming::Held).unwrap()
+        };
+        for gravity_m_s2 in [0.0, 9.8, -1.6] {
+            let found = published(gravity_m_s2);
+            let told = found.gravity_added_m_s2.unwrap();
+            assert!((told.value - gravity_m_s2).abs() < 4.0 * told.sigma && told.sigma < 0.3, "{seed}: {told:?}");
+            let key = "gravity_added_world_m_s2";
+            let contradicts = |stated_m_s2: f64| {
+                let gravity_added_world_m_s2 = Some([0.0, 0.0, stated_m_s2]);
+                let said = found.contradictions(Some(&Sensing { gravity_added_world_m_s2, ..Sensing::default() }));
+                said.iter().any(|c| c.key == key)
+            };
+            assert!(!contradicts(gravity_m_s2) && contradicts(gravity_m_s2 + 5.0), "{seed}: {told:?}");
+        }
+    }
+}
