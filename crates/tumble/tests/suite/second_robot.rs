@@ -182,7 +182,7 @@ impl Robot for Broken {
 struct Refusing;
 
 impl ActuatorDrive for Refusing {
-    fn drive(&mut self, _: &Wrench<f64>, _: &Vector3<f64>, _: f64) -> Result<Driven, DynamicsError> {
+    fn drive(&mut self, _: &Wrench<f64>, _: f64) -> Result<Driven, DynamicsError> {
         Err(DynamicsError::foreign("none-opens", Stuck { valve: 2 }))
     }
 }

@@ -37,7 +37,8 @@ pub(super) fn added(record: &[MotionSample], attitude: &Attitude, turned: &Turne
         let ((up_then, felt_then), (up, felt)) = (&seen[i], &seen[j]);
         let bias = |axis: Vector3<f64>| changed(&axis, &axis);
         let changes = [changed(up_then, up), bias(Vector3::x()), bias(Vector3::y()), bias(Vector3::z())];
-        rows.push(times[i], changed(felt_then, felt), &changes);
+        let felt = changed(felt_then, felt);
+        rows.push(times[i], felt, felt, &changes);
     }
     let found = rows.solve(&PRIORS, 2.0 * SPAN_S)?;
     (found.sigma[0] < KNOWN).then_some(Found { value: found.step[0], sigma: found.sigma[0] })
