@@ -14,6 +14,10 @@ pub struct BodyScale {
 }
 
 impl BodyScale {
+    /// A kilogram and a metre: for what is told in units of itself.
+    #[cfg(feature = "std")]
+    pub(crate) const UNIT: Self = Self { mass_kg: 1.0, length_m: 1.0 };
+
     /// A body of about this mass and radius of gyration.
     ///
     /// # Errors

@@ -29,6 +29,8 @@ pub use estimate::{Estimate, StandardDeviations};
 pub use finding::Finding;
 #[cfg(feature = "std")]
 pub use in_environment::InEnvironment;
+#[cfg(feature = "std")]
+pub(crate) use judge::Counted;
 pub use judge::{Evidence, Judge, Verdict, Why};
 #[cfg(feature = "std")]
 pub use measurement::{Gauss, Measurement, Sensor};

@@ -27,6 +27,7 @@ mod tree_part;
 mod tree_sample;
 #[cfg(test)]
 mod tree_tests;
+mod tree_verdict;
 mod words;
 
 pub use base_parameters::{BaseParameters, LinearValue};

@@ -2,23 +2,25 @@
 
 use super::Finding;
 use crate::error::IdentificationError;
+use crate::jacobi::singular_values;
 use crate::recursive::LinearObservation;
-use crate::{BodyScale, FeasibleSet, Observability, PseudoInertiaCone};
-use nalgebra::{ComplexField, SVector, Vector6};
+use crate::{BodyScale, FeasibleSet, PseudoInertiaCone};
+use nalgebra::{ComplexField, SMatrix, SVector, Vector6};
 
 /// What became of an identification.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-#[allow(clippy::large_enum_variant)] // no allocator to box it with
 pub enum Verdict {
     /// The numbers may be used.
     Identified,
     /// They exist, and one thing speaks against them.
     Doubtful(Why),
-    /// The data leave directions free; displayed, each says so in words.
+    /// The data leave directions free.
     NotDetermined {
-        /// What is seen and what not.
-        seen: Observability,
+        /// Directions that they show.
+        rank: usize,
+        /// Directions asked for.
+        asked: usize,
     },
     /// No body explains the record.
     NoBodyExplains {
@@ -31,6 +33,18 @@ impl Verdict {
     /// Whether the numbers may be used.
     pub fn is_identified(&self) -> bool {
         *self == Self::Identified
+    }
+
+    /// What an error says of a record where it says no more than that the record leaves directions free; `None` for all others.
+    pub fn of_refusal(error: &IdentificationError) -> Option<Self> {
+        match *error {
+            IdentificationError::NotExcited { rank, expected, .. } => {
+                Some(Self::NotDetermined { rank, asked: expected })
+            }
+            // Of nine numbers all but the size of the inertia.
+            IdentificationError::WheelNotSpinning { .. } => Some(Self::NotDetermined { rank: 8, asked: 9 }),
+            _ => None,
+        }
     }
 }
 
@@ -59,7 +73,7 @@ pub enum Why {
     Exchangeable,
     /// A standard deviation is wide beside the body itself.
     Wide {
-        /// Which of the ten.
+        /// Which of the parameters.
         parameter: usize,
         /// In units of the body's size.
         relative: f64,
@@ -96,7 +110,26 @@ pub enum Why {
     },
 }
 
-/// Judges findings of ten parameters. White innovations prove nothing about the body (an extended Kalman filter nine standard deviations
+/// What is counted of a finding, whatever its number of parameters, in units of what they are of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Counted {
+    /// Directions that the record shows.
+    pub(crate) rank: usize,
+    /// Directions asked for.
+    pub(crate) asked: usize,
+    /// The first standard deviation that is too wide, and whose.
+    pub(crate) wide: Option<(usize, f64)>,
+    /// Mean normalised square of what is left of the observations, where their noise was told.
+    pub(crate) mean_nis: Option<f64>,
+    /// Directions that a second finding shows.
+    pub(crate) other_rank: Option<usize>,
+    /// Squared distance of the second finding in joint standard deviations, per parameter.
+    pub(crate) chi_square: Option<f64>,
+    /// How far inside of what can be.
+    pub(crate) margin: Option<f64>,
+}
+
+/// Judges findings. White innovations prove nothing about the body (an extended Kalman filter nine standard deviations
 /// off had a mean square of 1.04), so that a second finding beside the first is asked for wherever there is one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judge {
@@ -174,11 +207,13 @@ impl Judge {
         Self { scale, poor_fit: 0.5, known: 1.0, wandering: 2.0, chi_square: 4.0, mean_nis: 1.2, feedback: 0.2 }
     }
 
-    fn seen(&self, found: &Finding<10>) -> Result<Observability, IdentificationError> {
-        let data = found.signal()?;
-        let strongest = Observability::new(&data, self.scale).singular_values()[0];
+    /// Directions that the data show of parameters of these sizes. In units of one sigma and of the body a direction is seen where its
+    /// singular value exceeds one; a prior sees nothing.
+    fn rank<const P: usize>(&self, found: &Finding<P>, sizes: &SVector<f64, P>) -> Result<usize, IdentificationError> {
+        let (values, _) = singular_values(found.signal()?.scaled_factor(sizes));
+        let strongest = values.max();
         let tolerance = if strongest > 0.0 { (1.0 / (self.known * strongest)).min(1.0) } else { 1.0 };
-        Ok(Observability::with_tolerance(&data, self.scale, tolerance))
+        Ok(values.iter().filter(|value| **value > tolerance * strongest).count())
     }
 
     /// The verdict on a finding, beside evidence of the record and perhaps another finding of the same.
@@ -191,20 +226,66 @@ impl Judge {
         evidence: &Evidence,
         other: Option<&Finding<10>>,
     ) -> Result<Verdict, IdentificationError> {
-        if let Some(share) = evidence.explained().filter(|share| *share < self.poor_fit) {
-            return Ok(Verdict::NoBodyExplains { share });
+        if let Some(verdict) = self.of_share(evidence) {
+            return Ok(verdict);
         }
-        // In units of one sigma and of the body a direction is seen where its singular value exceeds one; a prior sees nothing.
-        let seen = self.seen(found)?;
-        let verdict = match (found.point(), seen.rank()) {
-            (Some(point), 10) if self.of_record(evidence).is_none() => {
-                self.of_numbers(found, point, other)?.map_or(Verdict::Identified, Verdict::Doubtful)
-            }
-            (Some(_), 10) => Verdict::Identified,
-            _ if evidence.on_table => Verdict::Identified,
-            _ => Verdict::NotDetermined { seen },
+        let (cone, sizes) = (PseudoInertiaCone::new(self.scale), self.scale.parameter_magnitudes());
+        let margin = |point: &SVector<f64, 10>| cone.margin(point);
+        Ok(self.weigh(&self.count(found, &sizes, other, margin)?, evidence))
+    }
+
+    /// What is counted of a finding of parameters of these sizes, beside another of the same; `margin` is how far inside of what can be a
+    /// point lies.
+    pub(crate) fn count<const P: usize>(
+        &self,
+        found: &Finding<P>,
+        sizes: &SVector<f64, P>,
+        other: Option<&Finding<P>>,
+        margin: impl Fn(&SVector<f64, P>) -> f64,
+    ) -> Result<Counted, IdentificationError> {
+        let counted = Counted { rank: self.rank(found, sizes)?, asked: P, ..Counted::default() };
+        let Some(point) = found.point().filter(|_| counted.rank == P) else {
+            return Ok(Counted { rank: counted.rank.min(P.saturating_sub(1)), ..counted });
         };
-        Ok(self.again(verdict, evidence))
+        let covariance = found.covariance()?;
+        let relative = (0..P).map(|i| ComplexField::sqrt(covariance[(i, i)]) / sizes[i]);
+        let other_rank = other.map(|other| self.rank(other, sizes)).transpose()?;
+        let mut chi_square = None;
+        if let Some((other, there)) =
+            other.filter(|_| other_rank == Some(P)).and_then(|other| Some((other, other.point()?)))
+        {
+            let apart = (point - there).component_div(sizes);
+            let joint = covariance + other.covariance()?;
+            let joint = SMatrix::<f64, P, P>::from_fn(|i, j| joint[(i, j)] / (sizes[i] * sizes[j]));
+            chi_square = Some(joint.cholesky().map_or(f64::INFINITY, |c| apart.dot(&c.solve(&apart)) / P as f64));
+        }
+        Ok(Counted {
+            wide: self.first_wide(relative),
+            mean_nis: found.surprise(),
+            other_rank,
+            chi_square,
+            margin: Some(margin(point)),
+            ..counted
+        })
+    }
+
+    /// The first of standard deviations, in units of what they are of, that is too wide.
+    pub(crate) fn first_wide(&self, relative: impl IntoIterator<Item = f64>) -> Option<(usize, f64)> {
+        relative.into_iter().enumerate().find(|(_, relative)| relative.is_nan() || *relative >= self.known)
+    }
+
+    /// The verdict on what was counted, whatever the number of parameters.
+    pub(crate) fn weigh(&self, counted: &Counted, evidence: &Evidence) -> Verdict {
+        if let Some(verdict) = self.of_share(evidence) {
+            return verdict;
+        }
+        let Counted { rank, asked, .. } = *counted;
+        if rank < asked && !evidence.on_table {
+            return Verdict::NotDetermined { rank, asked };
+        }
+        let of_numbers = || self.of_numbers(counted).filter(|_| rank == asked);
+        let why = self.of_record(evidence).or_else(of_numbers).or(Self::of_halves(evidence));
+        why.map_or(Verdict::Identified, Verdict::Doubtful)
     }
 
     /// A verdict beside evidence that came to light after it: what is identified is doubted where that speaks against it.
@@ -213,6 +294,11 @@ impl Judge {
             return verdict;
         }
         self.of_record(evidence).or(Self::of_halves(evidence)).map_or(Verdict::Identified, Verdict::Doubtful)
+    }
+
+    fn of_share(&self, evidence: &Evidence) -> Option<Verdict> {
+        let share = evidence.explained().filter(|share| *share < self.poor_fit)?;
+        Some(Verdict::NoBodyExplains { share })
     }
 
     fn of_halves(evidence: &Evidence) -> Option<Why> {
@@ -241,36 +327,19 @@ impl Judge {
         (evidence.held > 0.0).then_some(Why::Held { relative: evidence.held })
     }
 
-    fn of_numbers(
-        &self,
-        found: &Finding<10>,
-        point: &SVector<f64, 10>,
-        other: Option<&Finding<10>>,
-    ) -> Result<Option<Why>, IdentificationError> {
-        let (covariance, sizes) = (found.covariance()?, self.scale.parameter_magnitudes());
-        for parameter in 0..10 {
-            let relative = ComplexField::sqrt(covariance[(parameter, parameter)]) / sizes[parameter];
-            if relative.is_nan() || relative >= self.known {
-                return Ok(Some(Why::Wide { parameter, relative }));
-            }
+    fn of_numbers(&self, counted: &Counted) -> Option<Why> {
+        if let Some((parameter, relative)) = counted.wide {
+            return Some(Why::Wide { parameter, relative });
         }
-        if let Some(mean_nis) = found.surprise().filter(|mean| mean.is_nan() || *mean > self.mean_nis) {
-            return Ok(Some(Why::Surprised { mean_nis }));
+        if let Some(mean_nis) = counted.mean_nis.filter(|mean| mean.is_nan() || *mean > self.mean_nis) {
+            return Some(Why::Surprised { mean_nis });
         }
-        let rank = other.map_or(Ok(10), |other| self.seen(other).map(|seen| seen.rank()))?;
-        if rank < 10 {
-            return Ok(Some(Why::Alone { rank }));
+        if let Some(rank) = counted.other_rank.filter(|rank| *rank < counted.asked) {
+            return Some(Why::Alone { rank });
         }
-        if let Some((other, there)) = other.and_then(|other| Some((other, other.point()?))) {
-            let apart = (point - there).component_div(&sizes);
-            let joint = covariance + other.covariance()?;
-            let joint = nalgebra::SMatrix::<f64, 10, 10>::from_fn(|i, j| joint[(i, j)] / (sizes[i] * sizes[j]));
-            let chi_square = joint.cholesky().map_or(f64::INFINITY, |c| apart.dot(&c.solve(&apart)) / 10.0);
-            if chi_square > self.chi_square {
-                return Ok(Some(Why::Disagrees { chi_square }));
-            }
+        if let Some(chi_square) = counted.chi_square.filter(|chi_square| *chi_square > self.chi_square) {
+            return Some(Why::Disagrees { chi_square });
         }
-        let margin = PseudoInertiaCone::new(self.scale).margin(point);
-        Ok((margin <= 0.0).then_some(Why::NoBody { margin }))
+        counted.margin.filter(|margin| *margin <= 0.0).map(|margin| Why::NoBody { margin })
     }
 }

@@ -3,6 +3,7 @@
 use super::layout::require_unknowns;
 use crate::error::IdentificationError;
 use crate::estimator::EstimatorError;
+use core::ops::Range;
 use nalgebra::{DMatrix, DVector};
 
 /// The dynamic counterpart of [`Finding`](crate::estimator::Finding), for a number of unknowns that only the record tells: a point, and the
@@ -68,7 +69,55 @@ impl DynFinding {
         let free = (&scaled - &seen * self.determined.transpose()).norm();
         Ok((free <= ROUNDING * scaled.norm()).then(|| &seen * &self.covariance * seen.transpose()))
     }
+
+    /// Variances of the principal directions of some unknowns, in units of their magnitudes: of those that the data determine whatever the
+    /// others are.
+    pub(super) fn variances(&self, columns: Range<usize>) -> Vec<f64> {
+        let shown = shown(&self.free(&columns));
+        if shown.ncols() == 0 {
+            return Vec::new();
+        }
+        self.covariance_along(&shown, &columns).symmetric_eigenvalues().iter().copied().collect()
+    }
+
+    /// Squared distance from another finding of the same unknowns (others may stand behind them) in joint standard deviations, for each
+    /// direction of them that both determine; `None` where there is none.
+    pub(super) fn distance(&self, other: &Self, columns: Range<usize>) -> Option<f64> {
+        let shown = shown(&(self.free(&columns) + other.free(&columns)));
+        if shown.ncols() == 0 {
+            return None;
+        }
+        let apart = DVector::from_iterator(
+            columns.len(),
+            columns.clone().map(|k| (self.point[k] - other.point[k]) / self.magnitudes[k]),
+        );
+        let apart = shown.transpose() * apart;
+        let joint = self.covariance_along(&shown, &columns) + other.covariance_along(&shown, &columns);
+        Some(joint.cholesky().map_or(f64::INFINITY, |c| apart.dot(&c.solve(&apart)) / shown.ncols() as f64))
+    }
+
+    /// How much of each combination of these unknowns lies in directions that the data leave free: a quadratic form.
+    fn free(&self, columns: &Range<usize>) -> DMatrix<f64> {
+        let determined = self.determined.rows_range(columns.clone());
+        DMatrix::identity(columns.len(), columns.len()) - determined * determined.transpose()
+    }
+
+    fn covariance_along(&self, directions: &DMatrix<f64>, columns: &Range<usize>) -> DMatrix<f64> {
+        let determined = self.determined.rows_range(columns.clone()).transpose() * directions;
+        determined.transpose() * &self.covariance * determined
+    }
 }
+
+/// The directions in which nothing of such a form is left but rounding, as orthonormal columns.
+fn shown(free: &DMatrix<f64>) -> DMatrix<f64> {
+    let eigen = free.clone().symmetric_eigen();
+    let columns: Vec<_> =
+        (0..free.ncols()).filter(|i| eigen.eigenvalues[*i] < FREE).map(|i| eigen.eigenvectors.column(i)).collect();
+    if columns.is_empty() { DMatrix::zeros(free.nrows(), 0) } else { DMatrix::from_columns(&columns) }
+}
+
+/// Squared share of a direction outside of what is determined that is still rounding.
+const FREE: f64 = 1e-10;
 
 /// Share of a function outside of what is determined that is still rounding.
 const ROUNDING: f64 = 1e-8;

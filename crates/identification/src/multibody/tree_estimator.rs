@@ -174,7 +174,7 @@ impl TreeEstimate {
 
 /// Where the noisy factors of the unknowns come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Regressors {
+pub(super) enum Regressors {
     /// As measured.
     Measured,
     /// From the balance at the last estimate.
@@ -182,14 +182,16 @@ enum Regressors {
 }
 
 /// Whitened rows of one instant.
-struct Rows {
+pub(super) struct Rows {
     time_s: f64,
     coefficients: DMatrix<f64>,
     rhs: DVector<f64>,
     /// Whitened residual at the unknowns of this pass.
-    residual: DVector<f64>,
+    pub(super) residual: DVector<f64>,
     /// Joint whose motor the row is about.
-    joints: Vec<Option<usize>>,
+    pub(super) joints: Vec<Option<usize>>,
+    /// What that motor gave, whitened; zero in other rows.
+    pub(super) given: DVector<f64>,
 }
 
 impl TreeEstimator {
@@ -272,7 +274,7 @@ impl TreeEstimator {
         Ok(TreeEstimate { base, links, motor_std, passes, rows, determined_covariance })
     }
 
-    fn is_plain(&self) -> bool {
+    pub(super) fn is_plain(&self) -> bool {
         self.torque.as_ref().is_some_and(|torque| torque.gain_regression == GainRegression::CurrentAsRegressor)
     }
 
@@ -313,7 +315,7 @@ impl TreeEstimator {
         sums.iter().enumerate().map(size).collect()
     }
 
-    fn layout(&self, records: &[TreeRecord]) -> Result<ParameterLayout, IdentificationError> {
+    pub(super) fn layout(&self, records: &[TreeRecord]) -> Result<ParameterLayout, IdentificationError> {
         let bodies = self.parts.iter().map(|part| {
             let scale = BodyScale::of(&part.nominal.to_vector())?;
             Ok(UnknownBody { name: part.name.clone(), scale })
@@ -423,7 +425,7 @@ impl TreeEstimator {
     }
 
     /// Calls `visit` with the whitened rows of each instant, at these unknowns.
-    fn each_instant(
+    pub(super) fn each_instant(
         &self,
         known: &Multibody<f64>,
         layout: &ParameterLayout,
@@ -473,6 +475,7 @@ impl TreeEstimator {
             rhs: DVector::zeros(count),
             residual: DVector::zeros(count),
             joints: vec![None; count],
+            given: DVector::zeros(count),
         };
         let gain_column = self.gain_column(layout);
         for (joint, motor) in motors.iter().enumerate().take(joints) {
@@ -500,6 +503,10 @@ impl TreeEstimator {
             row /= std;
             rows.rhs[joint] = rhs / std;
             rows.residual[joint] = residual / std;
+            rows.given[joint] = match &torque.drive {
+                Drive::Force => motor / std,
+                Drive::Current { .. } => unknowns[gain_column + joint] * motor / std,
+            };
         }
         if let (Some((base, right)), Some((torque_std, force_std))) = (base_rows, torque.base_wrench_std) {
             for k in 0..6 {
@@ -557,7 +564,8 @@ impl TreeEstimator {
                 rhs += found.constant * unknowns.rows(column, 6);
             }
             let residual = DVector::from_column_slice(found.residual.as_slice());
-            visit(Rows { time_s: sample.time_s, coefficients, rhs, residual, joints: vec![None; 6] })?;
+            let given = DVector::zeros(6);
+            visit(Rows { time_s: sample.time_s, coefficients, rhs, residual, joints: vec![None; 6], given })?;
         }
         Ok(())
     }

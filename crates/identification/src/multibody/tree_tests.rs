@@ -7,6 +7,7 @@ use super::{
 };
 use crate::BodyScale;
 use crate::dynamics::{BodyAcceleration, GeneralizedMotion, InertialParameters, Joint, Link, Multibody};
+use crate::estimator::Verdict;
 use crate::lie::{LieGroup, Pose, Twist, Wrench};
 use crate::noise::Gaussian;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -292,8 +293,11 @@ fn a_payload_from_torques_and_from_both() {
 
 /// A held arm that swings a payload: exact torques with noise, positions alone, rows late and missing.
 fn swung(seed: u64) -> Vec<TreeSample> {
+    swung_by(&carrying(), seed)
+}
+
+fn swung_by(tree: &Multibody<f64>, seed: u64) -> Vec<TreeSample> {
     let mut noise = Gaussian::from_seed(seed);
-    let tree = carrying();
     let mut track = JointTrack { positions: vec![vec![]; 2], motors: vec![vec![]; 2], ..JointTrack::default() };
     for row in 0..3000 {
         let late = if row > 1200 { 1.7 } else { 0.0 };
@@ -487,4 +491,101 @@ fn a_payload_on_a_tree_holds_the_laws_of_estimators() {
     blind.0.parts.push(TreePart { name: "again".into(), ..grasped() });
     let broken = check_estimator(&make, &Case { record: &blind, retold: &[], ..case }).unwrap_err();
     assert_eq!(broken.law, "a good record is answered");
+}
+
+/// Verdict, and by how many standard deviations the mass is off.
+fn judged_payload(estimator: &TreeEstimator, records: &[TreeRecord]) -> (Verdict, f64) {
+    let found = estimator.identify(records).unwrap();
+    let verdict = estimator.verdict(records, &found).unwrap();
+    let apart = found.body_std(0).unwrap().map(|std| (found.body(0).unwrap().mass - payload().mass) / std.mass_kg);
+    (verdict, apart.unwrap_or_default())
+}
+
+fn carried(samples: Vec<TreeSample>) -> Vec<TreeRecord> {
+    vec![TreeRecord { samples, grasped: true }]
+}
+
+fn by_torques(nuisances: Vec<JointNuisance>) -> TreeEstimator {
+    let torque = TorqueForm {
+        drive: Drive::Force,
+        nuisances,
+        std: None,
+        base_wrench_std: None,
+        gain_regression: GainRegression::default(),
+    };
+    let mut estimator = estimator(vec![grasped()], None);
+    (estimator.momentum, estimator.torque) = (None, Some(torque));
+    estimator
+}
+
+/// Motors of a joint number and time, s, otherwise.
+fn with_motors(mut records: Vec<TreeRecord>, change: impl Fn(f64, usize, f64) -> f64) -> Vec<TreeRecord> {
+    for sample in records.iter_mut().flat_map(|record| &mut record.samples) {
+        let time_s = sample.time_s;
+        for (joint, motor) in sample.motors.iter_mut().flatten().enumerate() {
+            *motor = change(*motor, joint, time_s);
+        }
+    }
+    records
+}
+
+const FRICTION: [JointNuisance; 3] =
+    [JointNuisance::ViscousFriction, JointNuisance::CoulombFriction, JointNuisance::Offset];
+
+#[test]
+fn healthy_records_of_trees_are_identified() {
+    let clean = float(&carrying(), &momentum(), 30.0, 0.005, 4);
+    for seed in 0..2 {
+        let both =
+            vec![TreeRecord { samples: swung_by(&tree(), seed + 9), grasped: false }, carried(swung(seed)).remove(0)];
+        for (name, estimator, records) in [
+            ("momentum", estimator(vec![grasped()], Some(momentum())), carried(noisy(&clean, &NOISE, seed))),
+            ("held", by_torques(vec![]), carried(swung(seed))),
+            ("held, empty and loaded", by_torques(vec![]), both),
+            ("driven", by_torques(FRICTION.to_vec()), carried(driven(seed))),
+        ] {
+            let (verdict, apart) = judged_payload(&estimator, &records);
+            println!("{name} {seed}: {verdict:?}, mass {apart:.1} sigma off");
+            assert!(verdict.is_identified() && apart.abs() < 4.0, "{name} {seed}: {verdict:?}, {apart}");
+        }
+    }
+}
+
+/// Each before was an answer with a small sigma.
+#[test]
+fn planted_trouble_of_trees_is_not_identified() {
+    let clean = float(&carrying(), &momentum(), 30.0, 0.005, 4);
+    let mut faster = noisy(&clean, &NOISE, 1);
+    faster.iter_mut().flat_map(|sample| &mut sample.rates).for_each(|rate| *rate *= 1.05);
+    let loaded = swung(1);
+    let half_s = 0.5 * loaded.last().unwrap().time_s;
+    let both = vec![
+        TreeRecord { samples: swung_by(&tree(), 2), grasped: false },
+        TreeRecord { samples: loaded.clone(), grasped: true },
+    ];
+    let cases = [
+        ("torques scaled", by_torques(vec![]), with_motors(both.clone(), |motor, _, _| 1.1 * motor)),
+        (
+            "one joint's torque scaled",
+            by_torques(FRICTION.to_vec()),
+            with_motors(both, |m, j, _| if j == 0 { 1.05 * m } else { m }),
+        ),
+        ("friction untold", by_torques(vec![]), carried(driven(1))),
+        ("torques reversed", by_torques(vec![]), with_motors(carried(loaded.clone()), |motor, _, _| -motor)),
+        ("rates read too fast", estimator(vec![grasped()], Some(momentum())), carried(faster)),
+        (
+            "torques that sink",
+            by_torques(FRICTION.to_vec()),
+            with_motors(carried(loaded), |motor, _, time_s| if time_s > half_s { 0.95 * motor } else { motor }),
+        ),
+    ];
+    let mut missed = Vec::new();
+    for (name, estimator, records) in cases {
+        let (verdict, apart) = judged_payload(&estimator, &records);
+        println!("{name}: {verdict:?}, mass {apart:.1} sigma off");
+        if verdict.is_identified() {
+            missed.push(name);
+        }
+    }
+    assert!(missed.is_empty(), "{missed:?}");
 }
