@@ -309,6 +309,7 @@ mod tests {
             device_inertia_ratio: [26.0, 0.5, -0.25, 44.0, 1.0 / 3.0, 54.0],
             covariance,
             by_sensors: [[1e-9; 10]; 8],
+            block_apart: 0.5,
             sensor_errors: SensorErrors {
                 gyro_factor: [1.003, 0.997, 1.0],
                 gyro_factor_sigma: [1e-3, 2e-3, 1e-3],

@@ -1,10 +1,11 @@
 //! The device that carries the wheel: its inertia, its centre of mass, the wheel's inertia.
 
-use super::momentum_balance::FreeFallEstimate;
+use super::momentum_balance::{FreeFallEstimate, squared_distance};
 use super::regressors::{parallel_axis, parallel_axis_derivative, symmetric_entries, two_bodies};
 use super::throw_record::ThrowRecord;
 use super::{SensorErrors, ThrowSettings};
-use crate::IdentificationError;
+use crate::estimator::{Counted, Evidence, Judge, Verdict};
+use crate::{BodyScale, IdentificationError};
 use tumble_dynamics::InertialParameters;
 use tumble_lie::nalgebra::{SMatrix, SVector};
 
@@ -33,6 +34,10 @@ pub struct WheelCalibration {
     /// which does not hold it.
     #[cfg_attr(feature = "serde", serde(default))]
     pub by_sensors: [[f64; 10]; 8],
+    /// Squared distance of the block's inertia as the throws show it from the one that was told, in standard deviations and per entry, the
+    /// wheel's inertia chosen as well as can be; zero in files of before it was kept.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub block_apart: f64,
     /// How the sensors err; taken out of the throws of the calibration, and of those of objects.
     #[cfg_attr(feature = "serde", serde(default))]
     pub sensor_errors: SensorErrors,
@@ -67,11 +72,15 @@ pub fn calibrate(
         }
     }
     let learn = |errors: &SensorErrors| learn(device, proof, device_mass_kg, proof_block, errors, settings);
-    let (found, covariance) = learn(sensor_errors)?;
+    let Learned { found, covariance, left, left_covariance, by_wheel } = learn(sensor_errors)?;
+    let mut block_covariance = left_covariance;
     let mut by_sensors = [[0.0; 10]; 8];
     for (changes, shift) in by_sensors.iter_mut().zip(&sensor_errors.shifts) {
         if shift.iter().any(|change| *change != 0.0) {
-            *changes = (learn(&sensor_errors.shifted(shift))?.0 - found).into();
+            let shifted = learn(&sensor_errors.shifted(shift))?;
+            *changes = (shifted.found - found).into();
+            let change = shifted.left - left;
+            block_covariance += change * change.transpose();
         }
     }
     Ok(WheelCalibration {
@@ -83,10 +92,24 @@ pub fn calibrate(
         by_sensors,
         sensor_errors: *sensor_errors,
         settings: *settings,
+        // Another wheel's inertia would change what is left along this: along it everything is possible.
+        block_apart: squared_distance(&left, &(block_covariance + by_wheel * by_wheel.transpose())),
     })
 }
 
-/// The ten numbers of a calibration and their covariance, the sensors' errors taken as they are said.
+/// What the throws of a calibration say.
+struct Learned {
+    /// The ten numbers of a calibration.
+    found: SVector<f64, 10>,
+    covariance: SMatrix<f64, 10, 10>,
+    /// Entries of the block's inertia by the throws less those that were told, kg m^2.
+    left: SVector<f64, 6>,
+    left_covariance: SMatrix<f64, 6, 6>,
+    /// What all of the wheel's inertia gives of the block's, kg m^2.
+    by_wheel: SVector<f64, 6>,
+}
+
+/// What the throws of a calibration say, the sensors' errors taken as they are said.
 fn learn(
     device: &[ThrowRecord],
     proof: &[ThrowRecord],
@@ -94,7 +117,7 @@ fn learn(
     proof_block: &InertialParameters<f64>,
     sensor_errors: &SensorErrors,
     settings: &ThrowSettings,
-) -> Result<(SVector<f64, 10>, SMatrix<f64, 10, 10>), IdentificationError> {
+) -> Result<Learned, IdentificationError> {
     let (device, device_covariance) = average(device, sensor_errors, settings)?;
     let (proof, proof_covariance) = average(proof, sensor_errors, settings)?;
 
@@ -126,14 +149,31 @@ fn learn(
     let mut found = SVector::<f64, 10>::zeros();
     found.fixed_rows_mut::<9>(0).copy_from(&device);
     found[9] = wheel_inertia;
-    Ok((found, covariance))
+    let mut left_by_fall = SMatrix::<f64, 6, 9>::zeros();
+    left_by_fall.fixed_columns_mut::<6>(0).copy_from(&(SMatrix::<f64, 6, 6>::identity() * wheel_inertia));
+    let by_com = parallel_axis_derivative(&offset) * (-reduced_mass_kg * offset_by_com);
+    left_by_fall.fixed_columns_mut::<3>(6).copy_from(&by_com);
+    Ok(Learned {
+        found,
+        covariance,
+        left: ratio * wheel_inertia - inertia,
+        left_covariance: left_by_fall * (device_covariance + proof_covariance) * left_by_fall.transpose(),
+        by_wheel: ratio * wheel_inertia,
+    })
 }
 
 impl WheelCalibration {
+    /// Whether the throws of the calibration agree with the block that was told.
+    pub fn verdict(&self) -> Verdict {
+        let all = self.covariance.len();
+        let counted = Counted { rank: all, asked: all, chi_square: Some(self.block_apart), ..Counted::default() };
+        Judge::new(BodyScale::UNIT).weigh(&counted, &Evidence::default())
+    }
+
     /// Itself when its numbers can be those of a device, for calibrations that come from outside.
     ///
     /// # Errors
-    /// [`IdentificationError::NotPositive`] (component 0: wheel inertia, 1: device mass, 2: a variance, 3 to 5: a gyro's
+    /// [`IdentificationError::NotPositive`] (component 0: wheel inertia, 1: device mass, 2: a variance or a squared distance, 3 to 5: a gyro's
     /// factor), [`IdentificationError::NotFinite`] (row 0: centre of mass, 1: inertia, 2: covariance, 3: sensors' errors),
     /// those of [`ThrowSettings::validated`].
     pub fn validated(self) -> Result<Self, IdentificationError> {
@@ -159,7 +199,8 @@ impl WheelCalibration {
                 return Err(IdentificationError::NotPositive { index, value });
             }
         }
-        if let Some(value) = (0..10).map(|i| self.covariance[i][i]).find(|variance| *variance < 0.0) {
+        let squares = (0..10).map(|i| self.covariance[i][i]).chain([self.block_apart]);
+        if let Some(value) = squares.into_iter().find(|square| square.is_nan() || *square < 0.0) {
             return Err(IdentificationError::NotPositive { index: 2, value });
         }
         self.settings.validated()?;

@@ -13,6 +13,8 @@ pub(super) const REWEIGHTINGS: usize = 3;
 const RANK_TOLERANCE: f64 = 1e-12;
 /// Root mean square rate that a tumbling body has about each axis, in standard deviations of the rate.
 const RATE_SIGMAS: f64 = 25.0;
+/// A residual torque so many times as large is what a second look at the momentum reckons with.
+const FAST: f64 = 4.0;
 /// Stretches of the fall that the covariance leaves out in turn.
 const BLOCKS: usize = 12;
 
@@ -34,6 +36,12 @@ pub struct FreeFallEstimate {
     pub end: EndOfFall,
     /// Windows averaged.
     pub windows: usize,
+    /// Share of what the wheel does to the angular momentum that the inertia explains.
+    pub explained: f64,
+    /// Mean square of what is left of it, in units of the errors that the settings state.
+    pub mean_square: f64,
+    /// Squared distance, in joint standard deviations and per entry, of the inertia by what changes fast in the momentum alone.
+    pub fast_apart: f64,
 }
 
 /// Both balances averaged over one window.
@@ -63,18 +71,46 @@ impl FreeFallEstimate {
             inertia_ratio = solve(&whitened_momentum(&windows, &inertia_ratio, settings))?;
         }
         let rows = whitened_momentum(&windows, &inertia_ratio, settings);
+        let inertia_ratio_covariance = covariance(&rows)?;
+        let left = |row: &SMatrix<f64, 3, 7>| row.fixed_columns::<6>(0) * inertia_ratio - row.column(6);
+        let left: f64 = rows.iter().map(|row| left(row).norm_squared()).sum();
+        let applied: f64 = rows.iter().map(|row| row.column(6).norm_squared()).sum();
         let lever_arm_rows: Vec<_> = windows.iter().map(|window| window.lever_arm).collect();
         let lever_arm_m = solve(&lever_arm_rows)?;
         Ok(Self {
             inertia_ratio,
-            inertia_ratio_covariance: covariance(&rows)?,
+            inertia_ratio_covariance,
             lever_arm_m,
             lever_arm_covariance: covariance(&lever_arm_rows)?,
             end_s: fall.samples.last().map_or(0.0, |last| last.time_s),
             end: fall.end,
             windows: windows.len(),
+            explained: 1.0 - left / applied,
+            mean_square: left / (3 * rows.len()).saturating_sub(6).max(1) as f64,
+            fast_apart: fast_apart(&windows, (&inertia_ratio, &inertia_ratio_covariance), settings)?,
         })
     }
+}
+
+/// How far off the inertia is by what changes so fast that no torque explains it: the same by a model that holds, another by most that
+/// does not.
+fn fast_apart(
+    windows: &[Window],
+    (inertia_ratio, own): (&SVector<f64, 6>, &SMatrix<f64, 6, 6>),
+    settings: &ThrowSettings,
+) -> Result<f64, IdentificationError> {
+    let walk = FAST * settings.momentum_walk_rad_s;
+    let fast = whitened_momentum(windows, inertia_ratio, &ThrowSettings { momentum_walk_rad_s: walk, ..*settings });
+    let apart = solve(&fast)? - inertia_ratio;
+    Ok(squared_distance(&apart, &(own + covariance(&fast)?)))
+}
+
+/// Squared length of a vector in standard deviations, for each of its entries; infinite where the covariance is none.
+pub(super) fn squared_distance<const N: usize>(apart: &SVector<f64, N>, covariance: &SMatrix<f64, N, N>) -> f64 {
+    let scale = covariance.diagonal().map(|variance| if variance > 0.0 { 1.0 / variance.sqrt() } else { 0.0 });
+    let correlation = SMatrix::<f64, N, N>::from_fn(|i, j| scale[i] * covariance[(i, j)] * scale[j]);
+    let apart = apart.component_mul(&scale);
+    correlation.cholesky().map_or(f64::INFINITY, |factor| apart.dot(&factor.solve(&apart)) / N as f64)
 }
 
 /// Refuses a motion whose rates stay in a plane or on a line but for their errors: a covariance cannot tell errors in the

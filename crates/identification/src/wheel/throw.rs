@@ -1,13 +1,18 @@
 //! One throw of an object: what was thrown, less the device.
 
 use super::calibration::WheelCalibration;
-use super::momentum_balance::FreeFallEstimate;
+use super::momentum_balance::{FreeFallEstimate, squared_distance};
 use super::regressors::{parallel_axis, parallel_axis_derivative, symmetric_entries, symmetric_matrix, two_bodies};
 use super::throw_record::{EndOfFall, ThrowRecord};
-use crate::IdentificationError;
-use crate::estimator::{Estimator, EstimatorError, Finding};
+use crate::estimator::{Counted, Estimator, EstimatorError, Evidence, Finding, Judge, Verdict};
+use crate::{BodyScale, IdentificationError};
 use tumble_dynamics::InertialParameters;
 use tumble_lie::nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+/// An inertia moved by more than this to that of a body, squared, in standard deviations and per entry, was none but for noise.
+const BEYOND_NOISE: f64 = 4.0;
+/// A mean square so many standard deviations above one is not chance.
+const BEYOND_CHANCE: f64 = 4.0;
 
 /// What one throw says about the body that was thrown.
 ///
@@ -31,6 +36,10 @@ pub struct ThrowEstimate {
     pub end: EndOfFall,
     /// Averaging windows used.
     pub windows: usize,
+    /// Share of what the wheel does to the angular momentum that the inertia explains.
+    pub explained: f64,
+    /// Whether the numbers may be used: those of the object where its mass is known, else those of device and object.
+    pub verdict: Verdict,
 }
 
 /// The object without the device.
@@ -40,6 +49,9 @@ pub struct ObjectEstimate {
     pub body: InertialParameters<f64>,
     /// Whether the data asked for an inertia no body has, and the nearest one of a body stands here.
     pub projected: bool,
+    /// How far outside of the bodies that can be the data's inertia is, negative, where noise does not explain it; see
+    /// [`InertialParameters::consistency_margin`].
+    pub outside: Option<f64>,
     /// Covariance of the inertia about the centre of mass, entries `[11, 12, 13, 22, 23, 33]`, kg^2 m^4.
     pub inertia_covariance: SMatrix<f64, 6, 6>,
     /// Covariance of the centre of mass, m^2.
@@ -90,21 +102,60 @@ pub fn identify_throw(
     let wheel = calibration.wheel_inertia_kg_m2;
     let wheel_variance = calibration.covariance[9][9];
     let total = nominal.total();
+    let object =
+        object_mass_kg.map(|mass_kg| without_device(&fall, calibration, mass_kg, &nominal, &shifted)).transpose()?;
+    let total_inertia_about_com = symmetric_matrix(&total);
+    let total_inertia_covariance = fall.inertia_ratio_covariance * (wheel * wheel)
+        + fall.inertia_ratio * fall.inertia_ratio.transpose() * wheel_variance
+        + spread(&nominal, &shifted, Reading::total);
+    let total_com_covariance =
+        fall.lever_arm_covariance + spread(&nominal, &shifted, |reading| reading.fall.fixed_rows::<3>(6).into());
+    let of_total =
+        (calibration.device_mass_kg, total_inertia_about_com.trace(), &total_inertia_covariance, &total_com_covariance);
+    let of_object = object.as_ref().map(|object| {
+        let trace = object.body.inertia_about_com().trace();
+        (object.body.mass, trace, &object.inertia_covariance, &object.com_covariance)
+    });
+    let outside = object.as_ref().and_then(|object| object.outside);
     Ok(ThrowEstimate {
-        total_inertia_about_com: symmetric_matrix(&total),
-        total_inertia_covariance: fall.inertia_ratio_covariance * (wheel * wheel)
-            + fall.inertia_ratio * fall.inertia_ratio.transpose() * wheel_variance
-            + spread(&nominal, &shifted, Reading::total),
+        verdict: verdict(of_object.unwrap_or(of_total), outside, &fall, calibration)?,
+        total_inertia_about_com,
+        total_inertia_covariance,
         total_com_m: fall.lever_arm_m,
-        total_com_covariance: fall.lever_arm_covariance
-            + spread(&nominal, &shifted, |reading| reading.fall.fixed_rows::<3>(6).into()),
-        object: object_mass_kg
-            .map(|mass_kg| without_device(&fall, calibration, mass_kg, &nominal, &shifted))
-            .transpose()?,
+        total_com_covariance,
+        object,
         end_s: fall.end_s,
         end: fall.end,
         windows: fall.windows,
+        explained: fall.explained,
     })
+}
+
+/// The verdict on a body of this mass and trace of the inertia, with these covariances of inertia and centre, in units of itself: how much is
+/// explained and left, another look at the same fall, the block of the calibration, widths, and whether it is a body but for noise.
+fn verdict(
+    (mass_kg, trace, inertia, com): (f64, f64, &SMatrix<f64, 6, 6>, &Matrix3<f64>),
+    outside: Option<f64>,
+    fall: &FreeFallEstimate,
+    calibration: &WheelCalibration,
+) -> Result<Verdict, IdentificationError> {
+    let scale = BodyScale::try_new(mass_kg, (0.5 * trace / mass_kg).max(0.0).sqrt())?;
+    let judge = Judge::new(scale);
+    // An average of a raised cosine is worth that of half its length: windows that overlap more are no further ones.
+    let apart = (2.0 * calibration.settings.window_step_s / calibration.settings.window_s).min(1.0);
+    let freedom = (3 * fall.windows).saturating_sub(6).max(1) as f64 * apart;
+    let of_inertia = inertia.diagonal() / (mass_kg * scale.length_m() * scale.length_m()).powi(2);
+    let of_com = com.diagonal() / scale.length_m().powi(2);
+    let counted = Counted {
+        rank: 9,
+        asked: 9,
+        wide: judge.first_wide(of_inertia.iter().chain(&of_com).map(|variance| variance.sqrt())),
+        mean_nis: Some(fall.mean_square).filter(|mean| *mean > 1.0 + BEYOND_CHANCE * (2.0 / freedom).sqrt()),
+        chi_square: Some(fall.fast_apart.max(calibration.block_apart)),
+        margin: outside,
+        ..Counted::default()
+    };
+    Ok(judge.weigh(&counted, &Evidence::of_sums(1.0, 1.0 - fall.explained)))
 }
 
 /// What a throw and the calibration say, were the sensors to err in some way.
@@ -218,6 +269,8 @@ fn without_device(
     let about_com = InertialParameters::about_com(mass_kg, Vector3::zeros(), measured);
     let consistent = about_com.nearest_consistent()?;
     let inertia = consistent.inertia_about_com();
+    let moved = symmetric_entries(&(inertia - measured));
+    let beyond_noise = squared_distance(&moved, &inertia_covariance) > BEYOND_NOISE;
     let com = device_com + offset;
     let device_com_covariance = calibration_covariance.fixed_view::<3, 3>(6, 6).into_owned();
     // r_object = r + (m_device / m) (r - r_device)
@@ -240,6 +293,7 @@ fn without_device(
     Ok(ObjectEstimate {
         body: InertialParameters::about_com(mass_kg, com, inertia),
         projected: !about_com.is_consistent(),
+        outside: Some(about_com.consistency_margin()).filter(|margin| *margin < 0.0 && beyond_noise),
         inertia_covariance,
         com_covariance,
         principal_inertia,

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
 use tumble_identification::IdentificationError;
 use tumble_identification::dynamics::InertialParameters;
-use tumble_identification::estimator::{Estimator, EstimatorError, Finding};
+use tumble_identification::estimator::{Estimator, EstimatorError, Finding, Verdict, Why};
 use tumble_identification::laws::{Case, Retold, check_estimator};
 use tumble_identification::nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use tumble_identification::wheel::{
@@ -638,4 +638,108 @@ fn throws_hold_the_laws_of_estimators() {
     };
     check_estimator(&make, &case).unwrap();
     // Coverage: a covariance made of the scatter of twelve blocks holds number by number (`two_sigma_cover_what_they_say`), not for nine at once.
+}
+
+/// What is thrown, and by how many of its standard deviations the trace of the object's inertia is off.
+fn judged(
+    samples: Vec<ThrowSample>,
+    calibration: &WheelCalibration,
+    mass_kg: f64,
+    truth: &Matrix3<f64>,
+) -> (Verdict, f64) {
+    let found = identify_throw(&ThrowRecord::try_new(samples).unwrap(), calibration, Some(mass_kg)).unwrap();
+    let object = found.object.unwrap();
+    let by_trace = SVector::<f64, 6>::from([1.0, 0.0, 0.0, 1.0, 0.0, 1.0]);
+    let sigma = (object.inertia_covariance * by_trace).dot(&by_trace).sqrt();
+    (found.verdict, (object.body.inertia_about_com().trace() - truth.trace()) / sigma)
+}
+
+#[test]
+fn healthy_throws_are_identified() {
+    for (case, seed) in (0..40).enumerate() {
+        let calibration = calibration(&NOISY, 1000 * seed);
+        assert_eq!(calibration.verdict(), Verdict::Identified, "{seed}: {}", calibration.block_apart);
+        let object = &objects()[case % 3];
+        let samples = throw(&with_device(object), RATES[case % 4].into(), &NOISY, 1000 * seed + 500);
+        let (verdict, apart) = judged(samples, &calibration, object.mass, &object.inertia_about_com());
+        assert!(verdict.is_identified(), "{seed}: {verdict:?}, {apart} deviations");
+    }
+}
+
+/// Each before was an answer with a small sigma. What sensors err by is either seen or of no consequence.
+#[test]
+fn planted_trouble_of_throws_is_not_identified() {
+    let object = objects()[1];
+    let right = calibration(&NOISY, 0);
+    let many = |body: &Thrown, seed: u64| -> Vec<ThrowRecord> {
+        (0u64..).zip(RATES).map(|(i, rate)| record(body, rate, &NOISY, seed + i)).collect()
+    };
+    let told = |block: &InertialParameters<f64>| {
+        let throws = [many(&device(), 70), many(&with_device(&proof_block()), 80)];
+        let sound = SensorErrors::default();
+        calibrate(&throws[0], &throws[1], DEVICE_MASS, block, &sound, &ThrowSettings::default()).unwrap()
+    };
+    let turned_block = told(&cuboid(0.346, [0.03, 0.07, 0.06], [0.01, -0.002, 0.03], 0.0));
+    assert!(matches!(turned_block.verdict(), Verdict::Doubtful(Why::Disagrees { chi_square }) if chi_square > 100.0));
+    let small_wheel = WheelCalibration { wheel_inertia_kg_m2: 0.2 * right.wheel_inertia_kg_m2, ..right };
+    for seed in 500..504 {
+        let honest = throw(&with_device(&object), RATES[0].into(), &NOISY, seed);
+        let changed = |change: &dyn Fn(&mut ThrowSample)| {
+            let mut samples = honest.clone();
+            samples.iter_mut().for_each(change);
+            samples
+        };
+        let early = |steps: usize| -> Vec<ThrowSample> {
+            let pairs = honest.iter().zip(&honest[steps..]);
+            pairs.map(|(s, later)| ThrowSample { wheel_speed_rad_s: later.wheel_speed_rad_s, ..*s }).collect()
+        };
+        let reversed = changed(&|sample| sample.wheel_speed_rad_s *= -1.0);
+        let dragged = dragged(&with_device(&object), RATES[0].into(), 4e-4, seed);
+        for (name, seen, samples, calibration) in [
+            ("block on its side", true, honest.clone(), turned_block),
+            ("a fifth of the wheel", true, honest.clone(), small_wheel),
+            ("wheel reversed", true, reversed, right),
+            ("air drags", true, dragged, right),
+            ("wheel 10 ms early", false, early(20), right),
+            ("gyro x reads 5 % more", false, changed(&|sample| sample.rate_body.x *= 1.05), right),
+            ("gyro y reads 2 % more", false, changed(&|sample| sample.rate_body.y *= 1.02), right),
+        ] {
+            let (verdict, apart) = judged(samples, &calibration, object.mass, &object.inertia_about_com());
+            println!("{name} {seed}: {verdict:?}, {apart:.1} deviations off");
+            assert!(!verdict.is_identified() || !seen && apart.abs() < 3.0, "{name} {seed}: {verdict:?}, {apart}");
+        }
+    }
+}
+
+/// The wheel is the only scale that a throw has.
+#[test]
+fn another_wheel_than_the_calibrations_scales_every_inertia_and_is_not_seen() {
+    let right = calibration(&NOISY, 0);
+    let other = WheelCalibration { wheel_inertia_kg_m2: 1.1 * right.wheel_inertia_kg_m2, ..right };
+    let thrown = record(&with_device(&objects()[1]), RATES[0], &NOISY, 500);
+    let [found, scaled] = [right, other].map(|calibration| identify_throw(&thrown, &calibration, None).unwrap());
+    let apart = scaled.total_inertia_about_com - found.total_inertia_about_com * 1.1;
+    assert!(apart.amax() < 1e-12 * found.total_inertia_about_com.amax());
+    assert_eq!((found.verdict, scaled.verdict), (Verdict::Identified, Verdict::Identified));
+}
+
+/// A throw whose rates die away by air, N m s/rad.
+fn dragged(body: &Thrown, rate: Vector3<f64>, drag: f64, seed: u64) -> Vec<ThrowSample> {
+    let mut normal = Normal(ChaCha8Rng::seed_from_u64(seed));
+    let (mut rate, mut samples) = (rate, Vec::new());
+    let f = |w: &Vector3<f64>, t: f64| acceleration(&body.inertia, w, &(w * -drag), t);
+    for k in 0..1360 {
+        let time_s = -0.1 + f64::from(k) * STEP_S;
+        let derivative = f(&rate, time_s);
+        let specific_force = -(derivative.cross(&body.com) + rate.cross(&rate.cross(&body.com)));
+        samples.push(ThrowSample {
+            time_s,
+            rate_body: rate + normal.vector() * NOISY.gyro,
+            specific_force_body: specific_force + normal.vector() * NOISY.accelerometer,
+            wheel_speed_rad_s: wheel(time_s).0 + normal.next() * NOISY.wheel,
+        });
+        let half = rate + derivative * (0.5 * STEP_S);
+        rate += f(&half, time_s + 0.5 * STEP_S) * STEP_S;
+    }
+    samples
 }
