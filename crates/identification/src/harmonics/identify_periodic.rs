@@ -10,11 +10,13 @@ use super::selection::{HarmonicCandidate, likeliest_harmonics, select_harmonics}
 use super::settings::{HarmonicEstimator, HarmonicSettings};
 use super::warning::HarmonicWarning;
 use crate::body_scale::BodyScale;
+use crate::consistency::{FeasibleSet, PseudoInertiaCone};
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
-use crate::estimator::{Estimator, EstimatorError, Evidence, Finding, Judge, Verdict, standard_deviations};
+use crate::estimator::{Counted, Estimator, EstimatorError, Evidence, Finding, Judge, Verdict, standard_deviations};
 use crate::identify::{MAXIMUM_LIKELIHOOD, constrained, from_covariance};
 use crate::motion::MotionSample;
+use crate::statistics::chi_square_quantile;
 use crate::{Estimate, Identification, Noise, Settings, identify};
 use core::ops::RangeInclusive;
 use nalgebra::{SMatrix, SVector};
@@ -23,6 +25,8 @@ use nalgebra::{SMatrix, SVector};
 const UNEXPECTED: f64 = 2.0;
 /// A mean square so many standard deviations above one is not chance.
 const BEYOND_CHANCE: f64 = 6.0;
+/// Chance that what noise leaves at the harmonics passes for more.
+const FALSE_ALARM: f64 = 1e-4;
 /// Cycles that differ at the harmonics by so many times the white noise are no cycles of one motion; where a transient remains, less
 /// is enough.
 const NO_CYCLES: [f64; 2] = [10.0, 3.0];
@@ -101,7 +105,7 @@ pub fn identify_periodic(
         HarmonicEstimator::Likelihood if are_no_cycles(&cycles) => HarmonicEstimator::TrajectoryLikelihood,
         asked_for => asked_for,
     };
-    let mut likely = None;
+    let (mut likely, mut mean_square) = (None, None);
     if wanted == HarmonicEstimator::Likelihood {
         if matches!(least_squares, Err(IdentificationError::NotExcited { .. } | IdentificationError::Indefinite { .. }))
         {
@@ -110,6 +114,8 @@ pub fn identify_periodic(
         }
         let found = likeliest_harmonics(&cycles.record, harmonics);
         warnings.extend(unexplained(&found));
+        // Where actuators were at a limit, no series need explain what is left.
+        mean_square = left_over(&found).filter(|_| saturation <= 0.0);
         likely = found.ok().filter(|(found, _)| beyond_chance(found).is_none());
         if likely.is_none() {
             // A series that is too short biases the likelihood more than least squares.
@@ -131,8 +137,9 @@ pub fn identify_periodic(
             (found.estimate, wanted)
         }
         _ => {
-            let (estimate, unexplained) =
+            let (estimate, unexplained, left) =
                 judged(&least_squares?, &cycles.record, fit.motion.basis().harmonics()..=largest)?;
+            mean_square = left;
             if let Some(times) = unexplained {
                 warnings.retain(|warning| !matches!(warning, HarmonicWarning::ShortSeries { .. }));
                 warnings.push(HarmonicWarning::ShortSeries { times });
@@ -164,7 +171,10 @@ pub fn identify_periodic(
         None => evidence.explained().unwrap_or_default(),
     };
     let scale = BodyScale::of(&estimate.parameters.to_vector())?;
-    let verdict = verdict_on(&estimate, scale, &evidence)?;
+    let verdict = match &trajectory {
+        Some(found) if !found.verdict.is_identified() => found.verdict,
+        _ => verdict_on(&estimate, scale, &evidence, mean_square)?,
+    };
     if let Verdict::NoBodyExplains { .. } = verdict {
         warnings.push(HarmonicWarning::PoorFit { explained });
     }
@@ -253,12 +263,12 @@ fn consistent(
 /// The body of least squares, and by how much more than chance its harmonics leave unexplained, where they do: judged by the
 /// likelihood with as many, which knows what residual to expect. Then the covariance grows by the residual of least squares and by
 /// its difference from the likelihood with the harmonics that predict best, an estimate of its error
-/// (`tests/suite/periodic_bounds.rs`, `least_squares_says_when_it_is_off`).
+/// (`tests/suite/periodic_bounds.rs`, `least_squares_says_when_it_is_off`). Last, the mean square of what no number of harmonics explains.
 fn judged(
     found: &PeriodicLeastSquares,
     record: &PeriodicRecord,
     harmonics: RangeInclusive<usize>,
-) -> Result<(Estimate, Option<f64>), IdentificationError> {
+) -> Result<(Estimate, Option<f64>, Option<f64>), IdentificationError> {
     let fewest = *harmonics.start();
     let with_as_many = likeliest_harmonics(record, fewest..=fewest).ok().map(|(likely, _)| likely);
     let by_residual = found.normalised_residual / found.expected_residual;
@@ -266,15 +276,17 @@ fn judged(
     let unexplained = by_likelihood.or(Some(by_residual).filter(|times| *times > UNEXPECTED));
     let growth = if unexplained.is_some() { by_residual.max(1.0).powi(2) } else { 1.0 };
     let mut estimate = consistent(&found.parameters, &(found.covariance * growth), found.scale)?;
-    if unexplained.is_some() {
-        let best = likeliest_harmonics(record, harmonics).ok().map(|(likely, _)| likely).or(with_as_many);
-        if let Some(likely) = best {
-            let apart = estimate.parameters.to_vector() - likely.estimate.parameters.to_vector();
-            estimate.covariance += apart * apart.transpose();
-            estimate.std = standard_deviations(&estimate.parameters.to_vector(), &estimate.covariance);
-        }
+    let best = match with_as_many {
+        Some(likely) if unexplained.is_none() && beyond_chance_at_harmonics(&likely).is_none() => Some(likely),
+        with_as_many => likeliest_harmonics(record, harmonics).ok().map(|(likely, _)| likely).or(with_as_many),
+    };
+    let left = best.as_ref().map_or(unexplained.map(|times| times * times), beyond_chance_at_harmonics);
+    if let (Some(_), Some(likely)) = (unexplained, best) {
+        let apart = estimate.parameters.to_vector() - likely.estimate.parameters.to_vector();
+        estimate.covariance += apart * apart.transpose();
+        estimate.std = standard_deviations(&estimate.parameters.to_vector(), &estimate.covariance);
     }
-    Ok((estimate, unexplained))
+    Ok((estimate, unexplained, left))
 }
 
 /// The trajectory likelihood, which answers with a body, or is an error.
@@ -315,11 +327,34 @@ fn beyond_chance(found: &PeriodicLikelihood) -> Option<f64> {
     Some(found.reduced_chi_square()).filter(|ratio| *ratio > limit).map(f64::sqrt)
 }
 
-fn verdict_on(estimate: &Estimate, scale: BodyScale, evidence: &Evidence) -> Result<Verdict, IdentificationError> {
+/// The mean square of what the likelihood leaves at the harmonics, where chance does not explain it.
+fn beyond_chance_at_harmonics(found: &PeriodicLikelihood) -> Option<f64> {
+    let freedom = found.harmonic_degrees_of_freedom as f64;
+    let limit = chi_square_quantile(freedom, 1.0 - FALSE_ALARM);
+    Some(found.harmonic_cost).filter(|cost| *cost > limit).map(|cost| cost / freedom)
+}
+
+/// The mean square of what no series leaves to chance, at the harmonics or altogether.
+fn left_over<T>(found: &Result<(PeriodicLikelihood, T), IdentificationError>) -> Option<f64> {
+    match found {
+        Ok((found, _)) => beyond_chance_at_harmonics(found).or_else(|| beyond_chance(found).map(|times| times * times)),
+        Err(IdentificationError::NoSeriesExplains { reduced_chi_square, .. }) => Some(*reduced_chi_square),
+        Err(_) => None,
+    }
+}
+
+fn verdict_on(
+    estimate: &Estimate,
+    scale: BodyScale,
+    evidence: &Evidence,
+    mean_square: Option<f64>,
+) -> Result<Verdict, IdentificationError> {
     let (parameters, magnitudes) = (estimate.parameters.to_vector(), scale.parameter_magnitudes());
     let information = from_covariance(&parameters, &estimate.covariance, &magnitudes)?;
     let found = Finding::of_information(information, magnitudes).at(parameters);
-    Judge::new(scale).judge(&found, evidence, None)
+    let (judge, cone) = (Judge::new(scale), PseudoInertiaCone::new(scale));
+    let counted = judge.count(&found, &magnitudes, None, |point| cone.margin(point))?;
+    Ok(judge.weigh(&Counted { mean_nis: mean_square, ..counted }, evidence))
 }
 
 /// What a body leaves of the averaged wrench, torque counted at its own length.

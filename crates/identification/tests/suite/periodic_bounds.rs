@@ -164,3 +164,69 @@ fn least_squares_says_when_it_is_off() {
     let band = mean_square_band(10.0, RUNS, 0.9999);
     assert!(stated < band.high && alone > 2.0 * band.high, "{stated} {alone} {band}");
 }
+
+/// The wrench of every sample as somebody else logs it: `[torque; force]`, time, s.
+fn logged(mut samples: Vec<MotionSample>, change: impl Fn(Wrench<f64>, f64) -> Wrench<f64>) -> Vec<MotionSample> {
+    for sample in &mut samples {
+        let time_s = sample.time_ns as f64 * 1e-9;
+        sample.wrench_body = sample.wrench_body.map(|wrench| change(wrench, time_s));
+    }
+    samples
+}
+
+#[test]
+fn healthy_periods_are_identified() {
+    for seed in 0..5 {
+        let log = PeriodicLog { cycles: 10, ..log(40 + seed, 10.0, 500) };
+        for estimator in [HarmonicEstimator::Likelihood, HarmonicEstimator::LeastSquares] {
+            let found =
+                identify_periodic(&log.samples(seed), &HarmonicSettings { estimator, ..settings(&log) }).unwrap();
+            println!("{seed} {:?}: {:?}, {:.1}", found.estimator, found.verdict, squared_error(&found, &log.body));
+            assert!(found.verdict.is_identified(), "{seed} {estimator:?}: {:?}", found.verdict);
+        }
+    }
+    for seed in 0..3 {
+        let (samples, load) = flight(900 + seed, 8.0, (10, 400), &noise());
+        let found = identify_periodic(&samples, &HarmonicSettings::new(10.0, 3)).unwrap();
+        println!("flown {seed} {:?}: {:?}, {:.1}", found.estimator, found.verdict, squared_error(&found, &load));
+        assert!(found.verdict.is_identified(), "{seed}: {:?}", found.verdict);
+    }
+}
+
+/// Each before was an answer with a small sigma. A gain of all forces is one of the mass, and one of all torques is nearly one of the
+/// inertia: nothing in a record shows them.
+#[test]
+fn planted_trouble_of_periods_is_not_identified() {
+    let turn = |harmonic: f64, time_s: f64| std::f64::consts::TAU * harmonic * time_s / 10.0;
+    let mut missed = Vec::new();
+    for seed in 0..3 {
+        let log = PeriodicLog { cycles: 10, ..log(60 + seed, 10.0, 500) };
+        let one_axis = |wrench: Wrench<f64>, _: f64| {
+            Wrench::new(wrench.torque, wrench.force.component_mul(&Vector3::new(1.03, 1.0, 1.0)))
+        };
+        let shaken = |harmonic: f64| {
+            move |wrench: Wrench<f64>, time_s: f64| {
+                let (sine, cosine) = turn(harmonic, time_s).sin_cos();
+                wrench + Wrench::new(Vector3::y() * (2e-3 * cosine), Vector3::x() * (0.04 * sine))
+            }
+        };
+        for (name, samples) in [
+            ("gain of one axis", logged(log.samples(seed), one_axis)),
+            ("disturbance at harmonic 2", logged(log.samples(seed), shaken(2.0))),
+            ("disturbance at harmonic 5", logged(log.samples(seed), shaken(5.0))),
+        ] {
+            match identify_periodic(&samples, &settings(&log)) {
+                Ok(found) => {
+                    let squares = squared_error(&found, &log.body);
+                    println!("{name} {seed} {:?}: {:?}, {squares:.1}", found.estimator, found.verdict);
+                    // What does no harm need not be seen.
+                    if found.verdict.is_identified() && squares > mean_square_band(10.0, 1, 0.9999).high {
+                        missed.push((name, seed));
+                    }
+                }
+                Err(error) => println!("{name} {seed}: {error}"),
+            }
+        }
+    }
+    assert!(missed.is_empty(), "{missed:?}");
+}
