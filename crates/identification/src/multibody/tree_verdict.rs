@@ -6,10 +6,9 @@ use super::torque_rows::{Drive, JointNuisance};
 use super::tree_estimator::{Regressors, TreeEstimate, TreeEstimator, TreeRecord};
 use super::tree_part::known_part;
 use crate::body_scale::BodyScale;
-use crate::consistency::{FeasibleSet, PseudoInertiaCone};
 use crate::error::IdentificationError;
 use crate::estimator::{Counted, EstimatorError, Evidence, Finding, Judge, Verdict};
-use nalgebra::{DMatrix, SVector};
+use nalgebra::DMatrix;
 
 /// A mean square of residuals so many standard deviations above one is not chance.
 const BEYOND_CHANCE: f64 = 6.0;
@@ -145,10 +144,9 @@ fn count(part: usize, found: &TreeEstimate, own: &DynFinding, judge: &Judge) -> 
         let rank = variances.iter().filter(|variance| **variance < judge.known * judge.known).count();
         return Ok(Counted { rank, asked: BODY, ..Counted::default() });
     };
-    let scale = BodyScale::of(&point)?;
-    let sizes = scale.parameter_magnitudes();
+    let sizes = BodyScale::of(&point)?.parameter_magnitudes();
     let covariance = covariance.fixed_view::<BODY, BODY>(0, 0).into_owned();
-    let cone = PseudoInertiaCone::new(scale);
-    let margin = |point: &SVector<f64, BODY>| cone.margin(point);
-    Ok(judge.count(&Finding::of_covariance(point, &covariance, sizes)?, &sizes, None, margin)?)
+    // Of the cone that the estimate was kept in: another scale has another floor.
+    let margin = found.links.margins.get(part).copied().unwrap_or(f64::NAN);
+    Ok(judge.count(&Finding::of_covariance(point, &covariance, sizes)?, &sizes, None, |_| margin)?)
 }

@@ -696,15 +696,15 @@ fn planted_trouble_of_throws_is_not_identified() {
         let reversed = changed(&|sample| sample.wheel_speed_rad_s *= -1.0);
         let dragged = dragged(&with_device(&object), RATES[0].into(), 4e-4, seed);
         for (name, seen, samples, calibration) in [
-            ("block on its side", true, honest.clone(), turned_block),
-            ("a fifth of the wheel", true, honest.clone(), small_wheel),
-            ("wheel reversed", true, reversed, right),
-            ("air drags", true, dragged, right),
-            ("wheel 10 ms early", false, early(20), right),
-            ("gyro x reads 5 % more", false, changed(&|sample| sample.rate_body.x *= 1.05), right),
-            ("gyro y reads 2 % more", false, changed(&|sample| sample.rate_body.y *= 1.02), right),
+            ("block on its side", true, honest.clone(), &turned_block),
+            ("a fifth of the wheel", true, honest.clone(), &small_wheel),
+            ("wheel reversed", true, reversed, &right),
+            ("air drags", true, dragged, &right),
+            ("wheel 10 ms early", false, early(20), &right),
+            ("gyro x reads 5 % more", false, changed(&|sample| sample.rate_body.x *= 1.05), &right),
+            ("gyro y reads 2 % more", false, changed(&|sample| sample.rate_body.y *= 1.02), &right),
         ] {
-            let (verdict, apart) = judged(samples, &calibration, object.mass, &object.inertia_about_com());
+            let (verdict, apart) = judged(samples, calibration, object.mass, &object.inertia_about_com());
             println!("{name} {seed}: {verdict:?}, {apart:.1} deviations off");
             assert!(!verdict.is_identified() || !seen && apart.abs() < 3.0, "{name} {seed}: {verdict:?}, {apart}");
         }
