@@ -3,7 +3,6 @@
 use crate::TumbleError;
 use crate::flight_log::nanoseconds;
 use crate::output::OutputFolder;
-use crate::page::Tone;
 use crate::page::chart::{Axis, Chart};
 use crate::report::{
     self, Context, JsonBody, body_table, json_body, pseudo_inertia_min_eigenvalue, reference_json, words, worst_std,
@@ -11,7 +10,6 @@ use crate::report::{
 use crate::report_page::{self, Shown};
 use std::fmt::Write as _;
 use tumble_dynamics::nalgebra::{SMatrix, Vector6};
-use tumble_identification::estimator::Verdict;
 use tumble_identification::harmonics::{
     HarmonicCandidate, HarmonicEstimator, HarmonicIdentification, HarmonicSettings, HarmonicWarning,
 };
@@ -104,17 +102,8 @@ pub fn table(found: &HarmonicIdentification, settings: &HarmonicSettings, contex
 
 fn verdict(found: &HarmonicIdentification) -> String {
     let (share, name) = worst_std(&found.estimate);
-    let mut text = match found.verdict {
-        Verdict::Identified => format!(
-            "verdict: all ten parameters identified (condition number {:.0}); weakest: {name} to {:.2} % of the body's scale\n",
-            condition_number(&found.estimate),
-            100.0 * share
-        ),
-        Verdict::NoBodyExplains { .. } => {
-            "verdict: no body explains this log; do not use the numbers above\n".to_owned()
-        }
-        _ => format!("verdict: not identified; {name} is not known to better than the body's own scale\n"),
-    };
+    let identified = report::identified(condition_number(&found.estimate), (share, name));
+    let mut text = format!("verdict: {}\n", report::said(found.verdict, identified, name));
     let constraint = if found.estimate.lmi_active { ", the consistency constraint is active" } else { "" };
     let _ = writeln!(
         text,
@@ -152,6 +141,8 @@ pub fn json(
         "wrench_timing": settings.wrench_timing.name(),
         "samples_used": used,
         "samples_rejected": samples - used,
+        "identified": found.verdict.is_identified(),
+        "doubt": report::doubted(found.verdict),
         "rank": 10,
         "condition_number": condition_number(&found.estimate),
         "null_directions": [],
@@ -206,6 +197,8 @@ pub fn unidentified_json(
         "wrench_timing": settings.wrench_timing.name(),
         "samples_used": 0,
         "samples_rejected": samples,
+        "identified": false,
+        "doubt": null,
         "rank": rank,
         "condition_number": null,
         "null_directions": words(null_directions),
@@ -243,11 +236,7 @@ pub fn write_page(
     let said = verdict(found);
     let first = said.lines().next().unwrap_or_default().trim_start_matches("verdict: ");
     let shown = Shown {
-        tone: match found.verdict {
-            Verdict::Identified => Tone::Good,
-            Verdict::NoBodyExplains { .. } => Tone::Bad,
-            _ => Tone::Doubted,
-        },
+        tone: report::tone(found.verdict),
         verdict: first.to_owned(),
         method: estimator_name(found.estimator),
         samples: samples_used(found, samples),

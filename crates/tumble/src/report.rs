@@ -261,6 +261,48 @@ pub(crate) fn worst_std(estimate: &Estimate) -> (f64, &'static str) {
         .fold((0.0, ""), |a, b| if b.0 > a.0 || b.0.is_nan() { b } else { a })
 }
 
+/// A verdict on numbers that are shown, in words; `identified` where nothing speaks against them, `widest` names the quantity known worst.
+pub(crate) fn said(verdict: Verdict, identified: String, widest: &str) -> String {
+    match verdict {
+        Verdict::Identified => identified,
+        Verdict::NoBodyExplains { .. } => "no body explains this log; do not use the numbers above".to_owned(),
+        Verdict::Doubtful(why) => format!("not identified; {}", doubt(why, widest)),
+        Verdict::NotDetermined { rank, asked } => not_determined(rank, asked),
+        _ => "not identified".to_owned(),
+    }
+}
+
+/// What is said of ten parameters that are identified, `worst` being the quantity known worst and how well.
+pub(crate) fn identified(condition_number: f64, (share, name): (f64, &str)) -> String {
+    format!(
+        "all ten parameters identified (condition number {condition_number:.0}); weakest: {name} to {:.2} % of the body's scale",
+        100.0 * share
+    )
+}
+
+/// What is said of a log that leaves directions free.
+pub(crate) fn not_determined(rank: usize, asked: usize) -> String {
+    format!("this log does not determine the body: {rank} of {asked} parameter directions")
+}
+
+/// How a page shows a verdict.
+pub(crate) fn tone(verdict: Verdict) -> Tone {
+    match verdict {
+        Verdict::Identified => Tone::Good,
+        Verdict::NoBodyExplains { .. } => Tone::Bad,
+        _ => Tone::Doubted,
+    }
+}
+
+/// Why numbers may not be used, as `--json` says it; `None` where they may, or where the log does not determine them.
+pub(crate) fn doubted(verdict: Verdict) -> Option<String> {
+    match verdict {
+        Verdict::Doubtful(why) => Some(doubt(why, "a quantity")),
+        Verdict::NoBodyExplains { .. } => Some("no body explains this log".to_owned()),
+        _ => None,
+    }
+}
+
 /// What speaks against numbers, in words; `widest` names the quantity known worst.
 fn doubt(why: Why, widest: &str) -> String {
     match why {
@@ -275,7 +317,9 @@ fn doubt(why: Why, widest: &str) -> String {
         }
         Why::Wide { .. } => format!("{widest} is not known to better than the body's own scale"),
         Why::Surprised { mean_nis } => {
-            format!("its own observations surprised the filter: {mean_nis:.2} times what its noise allows on average")
+            format!(
+                "what the answer leaves of its observations is {mean_nis:.2} times what their noise allows on average"
+            )
         }
         Why::Alone { rank } => format!("another way to the same parameters sees {rank} of 10 directions only"),
         Why::Disagrees { chi_square } => {
@@ -301,15 +345,8 @@ pub(crate) fn verdict(found: &Identification, context: &Context) -> String {
         let margin = pseudo_inertia_min_eigenvalue(&estimate.parameters);
         let worst = worst_std(estimate);
         let said = match found.verdict {
-            Verdict::Identified => format!(
-                "all ten parameters identified (condition number {:.0}); weakest: {} to {:.2} % of the body's scale",
-                found.condition_number,
-                worst.1,
-                100.0 * worst.0
-            ),
-            Verdict::NoBodyExplains { .. } => "no body explains this log; do not use the numbers above".to_owned(),
-            Verdict::Doubtful(why) => format!("not identified; {}", doubt(why, worst.1)),
-            _ => "not identified by the data alone".to_owned(),
+            Verdict::NotDetermined { .. } => "not identified by the data alone".to_owned(),
+            verdict => said(verdict, identified(found.condition_number, worst), worst.1),
         };
         let _ = writeln!(text, "verdict: {said}");
         if let Some(share) = found.explained {
@@ -341,8 +378,7 @@ pub(crate) fn verdict(found: &Identification, context: &Context) -> String {
         let said = "these thrusters do not explain the motion, nor do they with any one of them dead or stuck";
         let _ = writeln!(text, "verdict: not identified; {said}: the likelihood did not settle");
     } else {
-        let _ =
-            writeln!(text, "verdict: this log does not determine the body: {} of 10 parameter directions", found.rank);
+        let _ = writeln!(text, "verdict: {}", not_determined(found.rank, 10));
         for direction in &found.null_directions {
             let _ = writeln!(text, "  not determined: {direction}");
         }
@@ -742,11 +778,7 @@ pub fn json(found: &Identification, context: &Context) -> Json {
         samples_used: found.samples_used,
         samples_rejected: found.samples_rejected,
         identified: found.verdict.is_identified(),
-        doubt: match found.verdict {
-            Verdict::Doubtful(why) => Some(doubt(why, "a quantity")),
-            Verdict::NoBodyExplains { .. } => Some("no body explains this log".to_owned()),
-            _ => None,
-        },
+        doubt: doubted(found.verdict),
         body: match (&found.estimate, &found.regularised) {
             (Some(estimate), _) => Some(json_body(estimate, &Shown(&found.determined()))),
             (None, Some(completed)) => Some(json_body(completed, &Shown(&found.determined()))),
@@ -802,11 +834,7 @@ pub(crate) fn write_page(
     let first = said.lines().next().unwrap_or_default().trim_start_matches("verdict: ");
     let body = found.estimate.as_ref().or(found.regularised.as_ref()).map(|body| (body, found.determined().to_vec()));
     let shown = report_page::Shown {
-        tone: match found.verdict {
-            Verdict::Identified => Tone::Good,
-            Verdict::NoBodyExplains { .. } => Tone::Bad,
-            _ => Tone::Doubted,
-        },
+        tone: tone(found.verdict),
         verdict: first.to_owned(),
         method: found.method,
         samples: found.samples_used,

@@ -1,8 +1,8 @@
 //! `tumble calibrate-wheel` and `tumble identify --wheel`.
 
 use super::{Outcome, print};
-use crate::TumbleError;
 use crate::output::write_file;
+use crate::{TumbleError, report};
 use clap::Args;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use tumble_formats::body_file::rows;
 use tumble_formats::wheel_throw::{
     CalibrationBodies, CalibrationKind, calibrate_files, calibration_to_toml, read_calibration, read_throw,
 };
-use tumble_identification::IdentificationError;
+use tumble_identification::estimator::Verdict;
 use tumble_identification::wheel::{
     ErrorBudget, ObjectEstimate, SensorErrors, ThrowEstimate, ThrowSettings, identify_throw as identify,
 };
@@ -79,18 +79,20 @@ pub fn run(args: &CalibrateWheelArgs) -> Result<Outcome, TumbleError> {
     let text = calibration_to_toml(&calibration)
         .map_err(|error| FormatsError::BadToml { path: args.out.clone(), message: error.to_string() })?;
     write_file(&args.out, text.as_bytes(), args.force)?;
+    let verdict = calibration.verdict();
     let count = |kind| files.iter().filter(|(k, _)| *k == kind).count();
     print(&format!(
-        "{} device throws, {} proof throws, {} others\n{}  wheel inertia {:.4e} kg m^2, 1 sigma {:.1e}\nwrote {}\n",
+        "{} device throws, {} proof throws, {} others\n{}  wheel inertia {:.4e} kg m^2, 1 sigma {:.1e}\nverdict: {}\nwrote {}\n",
         count(CalibrationKind::Device),
         count(CalibrationKind::Proof),
         count(CalibrationKind::Other),
         sensors(&calibration.sensor_errors),
         calibration.wheel_inertia_kg_m2,
         calibration.covariance[9][9].sqrt(),
+        report::said(verdict, "the throws agree with the block".to_owned(), "the wheel's inertia"),
         args.out.display()
     ))?;
-    Ok(Outcome::Achieved)
+    Ok(if verdict.is_identified() { Outcome::Achieved } else { Outcome::NotAchieved })
 }
 
 /// How the sensors err, for the eye.
@@ -142,7 +144,7 @@ pub fn identify_throw(
     let record = read_throw(throw)?;
     let found = match identify(&record, &calibration, mass_kg) {
         Ok(found) => found,
-        Err(error @ (IdentificationError::WheelNotSpinning { .. } | IdentificationError::NotExcited { .. })) => {
+        Err(error) if Verdict::of_refusal(&error).is_some() => {
             tell_line!("{}: {error}", throw.display());
             return Ok(Outcome::NotAchieved);
         }
@@ -153,7 +155,7 @@ pub fn identify_throw(
     } else {
         print(&table(throw, &found))?;
     }
-    Ok(Outcome::Achieved)
+    Ok(if found.verdict.is_identified() { Outcome::Achieved } else { Outcome::NotAchieved })
 }
 
 /// The inertia that the result is about: of the object where its mass is known, else of device and object.
@@ -201,31 +203,34 @@ fn table(throw: &Path, found: &ThrowEstimate) -> String {
     for (entry, i, j) in [("xx", 0, 0), ("yy", 1, 1), ("zz", 2, 2), ("xy", 0, 1), ("xz", 0, 2), ("yz", 1, 2)] {
         let _ = writeln!(text, "  inertia {entry:<10}{:>14.4e}{:>12.1e}  kg m^2", inertia[(i, j)], std[(i, j)]);
     }
-    match &found.object {
-        Some(object) => {
-            for i in 0..3 {
-                let _ = writeln!(
-                    text,
-                    "  principal {:<8}{:>14.4e}{:>12.1e}  kg m^2",
-                    i + 1,
-                    object.principal_inertia[i],
-                    object.principal_inertia_sigma[i]
-                );
-            }
-            text.push_str(&budget(object));
-            if object.projected {
-                let _ = writeln!(
-                    text,
-                    "\nverdict: the data ask for an inertia that no body of this mass has; the nearest one stands above. Check \
-                     --mass, the calibration and the sign of the wheel speed"
-                );
-            } else {
-                let _ = writeln!(text, "\nverdict: inertia and centre of mass of the object identified");
-            }
+    if let Some(object) = &found.object {
+        for i in 0..3 {
+            let _ = writeln!(
+                text,
+                "  principal {:<8}{:>14.4e}{:>12.1e}  kg m^2",
+                i + 1,
+                object.principal_inertia[i],
+                object.principal_inertia_sigma[i]
+            );
         }
-        None => {
-            let _ = writeln!(text, "\nverdict: inertia of device and object together; --mass KG takes the device away");
-        }
+        text.push_str(&budget(object));
+    }
+    let identified = match found.object {
+        Some(_) => "inertia and centre of mass of the object identified",
+        None => "inertia of device and object together identified; --mass KG takes the device away",
+    };
+    let said = report::said(found.verdict, identified.to_owned(), "a quantity");
+    let _ = writeln!(
+        text,
+        "\nverdict: {said}\n  the inertia explains {:.3} % of what the wheel does to the angular momentum",
+        100.0 * found.explained
+    );
+    if found.object.as_ref().is_some_and(|object| object.projected) {
+        let _ = writeln!(
+            text,
+            "  the data ask for an inertia that no body of this mass has; the nearest one stands above. Check --mass, the calibration and the \
+             sign of the wheel speed"
+        );
     }
     let _ = writeln!(
         text,
@@ -266,6 +271,9 @@ fn json(found: &ThrowEstimate, samples: usize, mass_kg: Option<f64>) -> String {
         "format": 1,
         "method": "wheel-throw",
         "subject": name,
+        "identified": found.verdict.is_identified(),
+        "doubt": report::doubted(found.verdict),
+        "explained": found.explained,
         "samples_used": samples,
         "mass_kg": mass_kg,
         "com_m": <[f64; 3]>::from(com),

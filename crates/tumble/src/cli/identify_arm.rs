@@ -1,8 +1,8 @@
 //! `tumble identify --model`: bodies of an arm and what it grasps, from logs of its joints.
 
 use super::{Outcome, print};
-use crate::TumbleError;
 use crate::output::{OutputFolder, RUN_RECORD};
+use crate::{TumbleError, report};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -16,6 +16,7 @@ use tumble_formats::body_file::rows;
 use tumble_formats::log;
 use tumble_formats::log::{JointLog, JointRow};
 use tumble_identification::StandardDeviations;
+use tumble_identification::estimator::Verdict;
 use tumble_identification::multibody::{
     Drive, GainRegression, JointNuisance, JointTrack, MomentumForm, TorqueForm, TreeEstimate, TreeEstimator, TreePart,
     TreeRecord, TreeSample, VelocityNoise, with_accelerations,
@@ -136,7 +137,7 @@ fn refused(message: impl Into<String>) -> TumbleError {
 /// Runs the command.
 ///
 /// # Errors
-/// [`TumbleError`] for bad input; a payload that the logs do not determine is [`Outcome::NotAchieved`].
+/// [`TumbleError`] for bad input; what is not identified is [`Outcome::NotAchieved`].
 pub fn run(options: &ArmOptions, files: &Files<'_>, robots: &Robots) -> Result<Outcome, TumbleError> {
     let arm = ArmModel::find(options.model.as_deref().unwrap_or_default(), robots)?;
     let folder = files.out.map(|out| OutputFolder::create(out, files.force)).transpose()?;
@@ -157,7 +158,8 @@ pub fn run(options: &ArmOptions, files: &Files<'_>, robots: &Robots) -> Result<O
     }
     let estimator = estimator(options, &arm, forms, currents, &asked)?;
     let estimate = estimator.identify(&records)?;
-    let report = Report { arm: &arm, estimator: &estimator, estimate: &estimate, forms, warnings };
+    let verdict = estimator.verdict(&records, &estimate)?;
+    let report = Report { arm: &arm, estimator: &estimator, estimate: &estimate, verdict, forms, warnings };
     for warning in &report.warnings {
         tell_line!("warning: {warning}");
     }
@@ -169,8 +171,7 @@ pub fn run(options: &ArmOptions, files: &Files<'_>, robots: &Robots) -> Result<O
         tell_line!("written: {}", folder.finish()?.display());
     }
     told?;
-    let payload_found = !carries || report.is_determined(estimator.parts.len() - 1)?;
-    Ok(if payload_found { Outcome::Achieved } else { Outcome::NotAchieved })
+    Ok(if verdict.is_identified() { Outcome::Achieved } else { Outcome::NotAchieved })
 }
 
 fn forms(options: &ArmOptions, arm: &ArmModel) -> Result<Forms, TumbleError> {
@@ -343,15 +344,12 @@ struct Report<'a> {
     arm: &'a ArmModel,
     estimator: &'a TreeEstimator,
     estimate: &'a TreeEstimate,
+    verdict: Verdict,
     forms: Forms,
     warnings: Vec<String>,
 }
 
 impl Report<'_> {
-    fn is_determined(&self, part: usize) -> Result<bool, TumbleError> {
-        Ok(self.std(part)?.is_some())
-    }
-
     fn std(&self, part: usize) -> Result<Option<StandardDeviations>, TumbleError> {
         Ok(self.estimate.body_std(part)?)
     }
@@ -426,6 +424,8 @@ impl Report<'_> {
             "method": self.equations(),
             "equations": self.estimate.rows,
             "unknowns": base.layout().unknowns(),
+            "identified": self.verdict.is_identified(),
+            "doubt": report::doubted(self.verdict),
             "rank": base.rank(),
             "null_directions": self.null_directions(),
             "base_parameters": base_parameters,
@@ -482,6 +482,12 @@ impl Report<'_> {
         for (name, unit, value, std) in told {
             let _ = writeln!(text, "{name:<34} {value:>11.4} +- {std:.2e} {unit}");
         }
+        let identified = if self.estimator.parts.iter().all(|part| part.whole) {
+            "all that such a motion tells of the bodies identified"
+        } else {
+            "all ten parameters of the payload identified"
+        };
+        let _ = writeln!(text, "\nverdict: {}", report::said(self.verdict, identified.to_owned(), "a quantity"));
         let directions = self.null_directions();
         if !directions.is_empty() {
             let _ = writeln!(text, "\nwhat these logs cannot tell apart:");

@@ -5,18 +5,19 @@ use super::identify_options::{IdentifyArgs, Outputs, run_record};
 use super::{Outcome, print};
 use crate::harmonic_report as report;
 use crate::output::RUN_RECORD;
-use crate::report::Context;
+use crate::report::{Context, not_determined};
 use crate::{TumbleError, space_cobot};
 use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use tumble_formats::body_file;
 use tumble_formats::excitation_file::ExcitationFile;
+use tumble_identification::estimator::Verdict;
 use tumble_identification::fourier::FourierMotion;
 use tumble_identification::harmonics::{
     HarmonicEstimator, HarmonicIdentification, HarmonicSettings, cramer_rao, identify_periodic,
 };
-use tumble_identification::{IdentificationError, Noise, NullDirection};
+use tumble_identification::{Noise, NullDirection};
 
 /// Harmonics that are tried first where nothing says how many the motion has: the fewest that start and end at rest.
 const FEWEST_HARMONICS: usize = 2;
@@ -157,10 +158,13 @@ pub(super) fn run(
         ..motion.settings()?
     };
     let found = match identify_periodic(samples, &settings) {
-        Err(IdentificationError::NotExcited { rank, .. }) => {
-            return unidentified(args, motion, &settings, log, samples.len(), rank);
-        }
-        found => found?,
+        Ok(found) => found,
+        Err(error) => match Verdict::of_refusal(&error) {
+            Some(Verdict::NotDetermined { rank, .. }) => {
+                return unidentified(args, motion, &settings, log, samples.len(), rank);
+            }
+            _ => return Err(error.into()),
+        },
     };
     let mut reader_warnings = log.warnings.clone();
     reader_warnings.extend(motion.contradictions(&found, samples.len())?);
@@ -200,10 +204,7 @@ fn unidentified(
     if args.json {
         print(&format!("{}\n", report::unidentified_json(settings, samples, rank, &free, &warnings)))?;
     } else {
-        let mut text = format!(
-            "{}\nverdict: this log does not determine the body: {rank} of 10 parameter directions\n",
-            log.source
-        );
+        let mut text = format!("{}\nverdict: {}\n", log.source, not_determined(rank, 10));
         for direction in free {
             let _ = writeln!(text, "  not determined: {direction}");
         }
