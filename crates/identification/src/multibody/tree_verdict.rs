@@ -124,12 +124,15 @@ impl TreeEstimator {
         let torque = self.torque.as_ref().filter(|_| !self.is_plain())?;
         let mut freer = torque.clone();
         freer.nuisances.extend(UNTOLD.into_iter().filter(|nuisance| !torque.nuisances.contains(nuisance)));
-        let joints = self.tree.joints();
-        let gain = match &torque.drive {
-            Drive::Force => vec![1.0; joints],
-            Drive::Current { gain, .. } => gain.clone(),
-        };
-        freer.drive = Drive::Current { gain, std: vec![f64::INFINITY; joints] };
+        // Where links are asked for, a factor of all torques is one of all masses.
+        if self.parts.iter().all(|part| !part.whole) {
+            let joints = self.tree.joints();
+            let gain = match &torque.drive {
+                Drive::Force => vec![1.0; joints],
+                Drive::Current { gain, .. } => gain.clone(),
+            };
+            freer.drive = Drive::Current { gain, std: vec![f64::INFINITY; joints] };
+        }
         (freer != *torque).then(|| Self { torque: Some(freer), ..self.clone() })
     }
 }
