@@ -441,6 +441,7 @@ impl FlightEstimator {
         FlightHealth {
             relearning: self.lessons.are_underway(newest),
             thrust_doubtful: self.suspects.is_thrust,
+            thrust_acquitted: self.suspects.is_acquitted,
             suspect: self.suspects.named,
             ..newest.monitor.health()
         }

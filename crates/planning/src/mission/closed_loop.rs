@@ -445,6 +445,9 @@ where
             }
         }
         let health = self.estimator.health();
+        if health.thrust_acquitted != self.health.thrust_acquitted {
+            self.events.push_back(Event::ThrustAcquitted(health.thrust_acquitted));
+        }
         if health.diverged && !self.health.diverged {
             self.events.push_back(Event::Diverged);
         }

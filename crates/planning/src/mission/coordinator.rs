@@ -116,6 +116,8 @@ pub struct Coordinator {
     is_blind: bool,
     doubted_ns: i64,
     actuators_disagree: bool,
+    /// Thrust is no reason for the last doubt of the body.
+    is_thrust_acquitted: bool,
     arrived_since_ns: Option<i64>,
     flown: u32,
 }
@@ -143,6 +145,7 @@ impl Coordinator {
             is_blind: false,
             doubted_ns: i64::MIN,
             actuators_disagree: false,
+            is_thrust_acquitted: false,
             arrived_since_ns: None,
             flown: 0,
         }
@@ -187,15 +190,21 @@ impl Coordinator {
             Event::Braking => self.braking(actions),
             Event::Diverged => {
                 actions.extend([Action::Note(Note::Diverged), Action::ResetEstimator]);
-                // Another body was tried, and it explains the motion no better.
+                // Another body was tried, and it explains the motion no better; unless thrust does so still less.
                 if self.is_doubted_again() {
-                    self.doubt_actuators(actions);
+                    if core::mem::take(&mut self.is_thrust_acquitted) {
+                        actions.push(Action::WidenBelief);
+                    } else {
+                        self.doubt_actuators(actions);
+                    }
                 }
                 self.wants_new_controller = true;
                 self.stop_by(Action::Brake, actions);
             }
             Event::BodyDoubtful => self.doubt(actions),
+            Event::ThrustAcquitted(acquitted) => self.is_thrust_acquitted = acquitted && !self.actuators_disagree,
             Event::ThrustDoubtful => {
+                self.is_thrust_acquitted = false;
                 actions.push(Action::Note(Note::ActuatorsDisagree));
                 self.doubt_actuators(actions);
             }
@@ -219,14 +228,18 @@ impl Coordinator {
         }
     }
 
-    /// A body does not change twice within seconds: the second time it is the actuators, and after that it is known.
+    /// A body does not change twice within seconds: the second time it is the actuators, and after that it is known; unless no thrust explains what was
+    /// seen: then the body was learned wrongly.
     fn doubt(&mut self, actions: &mut Vec<Action>) {
-        if self.is_doubted_again() {
+        let is_acquitted = core::mem::take(&mut self.is_thrust_acquitted);
+        if self.is_doubted_again() && !is_acquitted {
             actions.push(Action::Note(Note::ActuatorsDisagree));
             self.doubt_actuators(actions);
             return;
         }
-        self.doubted_ns = self.now_ns;
+        if !self.is_doubted_again() {
+            self.doubted_ns = self.now_ns;
+        }
         actions.extend([Action::Note(Note::BodyDoubtful), Action::WidenBelief]);
         self.wants_new_controller = true;
         self.stop(actions);

@@ -85,6 +85,8 @@ pub enum Event {
     BodyDoubtful,
     /// What was seen since the body was doubted is explained by actuators better than by another body.
     ThrustDoubtful,
+    /// Whether what was seen since the body was doubted is explained by no one actuator nearly as well as by another body.
+    ThrustAcquitted(bool),
     /// The controller brakes, for its own reasons, and needs a new plan.
     Braking,
     /// The computer started anew: what was on its way is lost.

@@ -327,6 +327,26 @@ fn what_thrust_explains_better_is_blamed_on_thrust() {
 }
 
 #[test]
+fn where_no_thrust_explains_what_was_seen_the_body_is_learned_again() {
+    for again in [Event::BodyDoubtful, Event::Diverged] {
+        let (mut told, _) = Told::flying();
+        told.hear(Event::BodyDoubtful);
+        told.now_ns += 6 * SECOND;
+        assert_eq!(told.hear(Event::ThrustAcquitted(true)), []);
+        told.now_ns += 2 * SECOND;
+        let said = told.hear(again);
+        assert!(said.contains(&Action::WidenBelief) && !said.contains(&Action::DoubtWrench), "{said:?}");
+        // Once: what is seen from then on is acquitted anew or not.
+        told.now_ns += 8 * SECOND;
+        assert!(told.hear(again).contains(&Action::DoubtWrench));
+        // Thrust that is doubted stays so.
+        told.hear(Event::ThrustAcquitted(true));
+        told.now_ns += SECOND;
+        assert!(!told.hear(again).contains(&Action::WidenBelief));
+    }
+}
+
+#[test]
 fn a_body_that_was_doubted_and_that_no_other_one_explains_is_pushed_by_another_thrust() {
     let (mut told, _) = Told::flying();
     told.hear(Event::BodyDoubtful);
@@ -489,7 +509,7 @@ fn events() -> impl Strategy<Value = Vec<(i64, Event)>> {
         1 => (0_u64..4, prop::option::of(0..100 * SECOND))
             .prop_map(|(revision, contact_ns)| Event::World { revision, contact_ns }),
         1 => prop_oneof![
-            Just(Event::Relocalised), Just(Event::Diverged), Just(Event::BodyDoubtful), Just(Event::ThrustDoubtful), Just(Event::Braking),
+            Just(Event::Relocalised), Just(Event::Diverged), Just(Event::BodyDoubtful), Just(Event::ThrustDoubtful), any::<bool>().prop_map(Event::ThrustAcquitted), Just(Event::Braking),
             Just(Event::Restarted), any::<bool>().prop_map(Event::Known)
         ],
     ];

@@ -33,6 +33,8 @@ pub struct FlightHealth {
     /// What was seen since the body was doubted is explained by thrust better than by another body: see
     /// [`wrench_doubtful`](super::FlightEstimator::wrench_doubtful).
     pub thrust_doubtful: bool,
+    /// What was seen since the body was doubted is explained by no one thruster or supply nearly as well as by another body.
+    pub thrust_acquitted: bool,
     /// What failed, where it is one thruster or supply alone.
     pub suspect: Option<Suspect>,
 }
@@ -291,6 +293,7 @@ impl Monitor {
             body_doubtful: self.doubt_s > 0.0,
             relearning: false,
             thrust_doubtful: false,
+            thrust_acquitted: false,
             suspect: None,
         }
     }

@@ -4,11 +4,18 @@ use super::erring_thrusters::Suspect;
 use super::filtered::{Filtered, Rules};
 use super::first_lessons::Pass;
 use super::wrench_history::WrenchHistory;
+use crate::dynamics::LogCholesky;
 use crate::estimator::Measurement;
 
 /// When suspects are tried after a doubt, s, and by how much likelier, as a logarithm, measurements have to be under one of them than under what is believed
 /// and under nothing that failed before thrust is doubted: another body has hardly been learned after four seconds.
 const TRIALS: [(f64, f64); 3] = [(4.0, 60.0), (6.0, 8.0), (9.0, 8.0)];
+/// Before thrust is doubted the pass of what is believed is gone through again, this often at most and as long as the logarithm grows by this: far from the
+/// body that all is linear about measurements look unlikely under any body.
+const MOST_REPEATED: usize = 4;
+const GAINED: f64 = 1.0;
+/// By how much less likely than what is believed each suspect has to be, as a logarithm, for thrust to be acquitted.
+const ACQUITTED: f64 = 4.0;
 /// By how much likelier they have to be under one suspect than under any other before that one is named.
 const NAMED: f64 = 20.0;
 
@@ -26,6 +33,8 @@ pub(super) struct Suspects {
     trial: Option<Trial>,
     /// Whether thrust explains what was seen better than a body.
     pub(super) is_thrust: bool,
+    /// Whether no thrust of any one thruster or supply explains it nearly as well.
+    pub(super) is_acquitted: bool,
     /// The only one that does.
     pub(super) named: Option<Suspect>,
 }
@@ -41,7 +50,14 @@ struct Doubted {
 #[derive(Clone, Copy, Debug)]
 struct Trial {
     of: usize,
+    /// What was believed since the doubt, to begin with.
+    start: Filtered,
     pass: Pass,
+    /// The body that the pass of what is believed came to.
+    body: LogCholesky<f64>,
+    /// How often that pass was gone through again about this body, and whether that still makes measurements likelier.
+    repeated: usize,
+    gains: bool,
     /// By how much likelier a suspect has to be.
     margin: f64,
     /// Passes before this one: the first is of what is believed, the second of nothing that failed, all others are of suspects.
@@ -53,7 +69,8 @@ struct Trial {
 }
 
 impl Suspects {
-    pub(super) const NONE: Self = Self { doubted: None, trials: 0, trial: None, is_thrust: false, named: None };
+    pub(super) const NONE: Self =
+        Self { doubted: None, trials: 0, trial: None, is_thrust: false, is_acquitted: false, named: None };
 
     /// Of a doubt that turned one filter into another.
     pub(super) fn begin(&mut self, before: &Filtered, after: &Filtered) {
@@ -99,7 +116,14 @@ impl Suspects {
                 continue;
             }
             let (best, suspect) = trial.best;
-            if best - trial.acquitted > trial.margin {
+            let is_thrust = best - trial.acquitted > trial.margin;
+            if is_thrust && trial.gains && trial.repeated < MOST_REPEATED {
+                trial.pass = Pass::about(&trial.start, &trial.body);
+                trial.repeated += 1;
+                continue;
+            }
+            self.is_acquitted = best - trial.acquitted < -ACQUITTED;
+            if is_thrust {
                 (self.is_thrust, self.doubted) = (true, None);
                 self.named = suspect.filter(|_| best - trial.second > NAMED);
             }
@@ -116,13 +140,29 @@ impl Trial {
         start.log_likelihood = 0.0;
         let pass = Pass::about(&start, &now.state.joint.body);
         let unlikely = f64::NEG_INFINITY;
-        Self { of, pass, margin, place: 0, acquitted: unlikely, best: (unlikely, None), second: unlikely }
+        Self {
+            of,
+            start,
+            pass,
+            body: now.state.joint.body,
+            repeated: 0,
+            gains: true,
+            margin,
+            place: 0,
+            acquitted: unlikely,
+            best: (unlikely, None),
+            second: unlikely,
+        }
     }
 
     /// Takes note of a pass that has come to its end.
     fn weigh(&mut self) {
         let (likelihood, (best, _)) = (self.pass.filtered.log_likelihood, self.best);
-        if self.place < 2 {
+        if self.place == 0 || self.repeated > 0 {
+            self.gains = likelihood > self.acquitted + GAINED;
+            self.body = self.pass.filtered.state.joint.body;
+        }
+        if self.place < 2 || self.repeated > 0 {
             self.acquitted = self.acquitted.max(likelihood);
         } else if likelihood > best {
             (self.best, self.second) = ((likelihood, self.pass.filtered.suspect), best);
