@@ -551,10 +551,9 @@ fn cargo_is_weighed(seed: &str) {
     assert!(table.contains("what the robot took") && table.contains("what the robot let go"), "{table}");
     // What is stated of the sensors and is not so is said beside the answer.
     let stated = flown.join("stated.toml");
-    let delays = "[pose_delay]\nexpected_s = 0.3\nsigma_s = 0.0\n[rate.delay]\nexpected_s = 0.0\nsigma_s = 0.0\n";
-    fs::write(&stated, format!("format = 1\n{delays}")).unwrap();
+    fs::write(&stated, "format = 1\n[position]\nwhite = { known = 0.02 }\n").unwrap();
     let output = tumble(&["identify", log.to_str().unwrap(), "--sensing", stated.to_str().unwrap()]);
-    let said = "the log contradicts what `--sensing` states: `pose_delay`";
+    let said = "the log contradicts what `--sensing` states: `position.white`";
     assert!(stderr(&output).contains(said), "{}", stderr(&output));
 }
 

@@ -5,7 +5,7 @@ use super::found::Found;
 use super::regression::{Rows, spans};
 use super::turned::{Turned, series};
 use crate::motion::MotionSample;
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 
 /// Span of the increments, s: slow errors of an attitude change within it, and an integrated rate hardly errs.
 const SPAN_S: f64 = 2.0;
@@ -22,9 +22,12 @@ const KNOWN: f64 = 1.0;
 /// which stands out from the motion because the integrated rate knows how that vertical should have turned.
 pub(super) fn added(record: &[MotionSample], attitude: &Attitude, turned: &Turned) -> Option<Found> {
     let age_s = attitude.age.map_or(0.0, |age| age.value);
+    // Axes about which nothing turned are where they should be.
+    let is_aligned = attitude.misalignment.iter().all(Option::is_some);
+    let pose_from_rate = if is_aligned { attitude.pose_from_rate } else { UnitQuaternion::identity() };
     let (times, seen) = series(record, |row| {
         let up_pose = row.world_from_body?.rotation.inverse_transform_vector(&Vector3::z());
-        Some((attitude.pose_from_rate.inverse_transform_vector(&up_pose), row.acceleration_origin_body?))
+        Some((pose_from_rate.inverse_transform_vector(&up_pose), row.acceleration_origin_body?))
     });
     let every = times.len().div_ceil(MOST_ROWS);
     let times: Vec<f64> = times.into_iter().step_by(every.max(1)).collect();
