@@ -33,7 +33,7 @@ use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
 use crate::estimator::{Evidence, Finding, Verdict, Why};
 use crate::likelihood::Nuisances;
-use crate::motion::MotionSample;
+use crate::motion::{MotionSample, is_without_wrench};
 use crate::weighted_least_squares::WrenchRow;
 use crate::{BodyScale, ExcitationDiagnosis, NullDirection, Observability, WeakDirection};
 pub(crate) use fit::rough_scale;
@@ -273,12 +273,6 @@ fn answer<E: From<IdentificationError>>(
     };
     let replaced = replace(&mut fit, &noise)?;
     Ok(conclude(record, &timeline, plan, &noise, &fit, &replaced)?)
-}
-
-/// Whether nothing acts, by all that is logged.
-fn is_without_wrench(record: &[MotionSample]) -> bool {
-    let is_all_logged = !record.iter().any(MotionSample::has_more_than_logged);
-    is_all_logged && record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0)
 }
 
 /// Whether the motion is no more than the noise of its sensors.

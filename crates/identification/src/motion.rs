@@ -52,6 +52,12 @@ impl MotionSample {
     }
 }
 
+/// Whether nothing acts, by all that is logged.
+pub(crate) fn is_without_wrench(record: &[MotionSample]) -> bool {
+    let is_all_logged = !record.iter().any(MotionSample::has_more_than_logged);
+    is_all_logged && record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0)
+}
+
 /// The poses of a record, those that were not seen filled in between those that were: turned by the rates where there are
 /// some, else evenly; before the first and after the last they keep their place. `None` where none was seen.
 pub(crate) fn filled_poses(record: &[MotionSample]) -> Option<Vec<Pose<f64>>> {

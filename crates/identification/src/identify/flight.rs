@@ -11,8 +11,7 @@ use super::warning::{FEW_NODES, Warning};
 use crate::error::{Column, IdentificationError};
 use crate::estimator::{Evidence, Verdict, Why};
 use crate::likelihood::{FlightEstimate, FlightLikelihood, FoundDelay};
-use crate::motion::MotionSample;
-use crate::motion::Noise;
+use crate::motion::{MotionSample, Noise, is_without_wrench};
 use crate::{BodyScale, Observability};
 
 /// Chance below which the halves of a record are not of one body, or not of these sensors.
@@ -132,7 +131,7 @@ fn identification(
     if estimate.is_some_and(|found| found.lmi_active) {
         warnings.push(Warning::ConstraintActive);
     }
-    let silence = if super::is_without_wrench(record) { Silence::Wrench } else { Silence::Nothing };
+    let silence = if is_without_wrench(record) { Silence::Wrench } else { Silence::Nothing };
     if silence == Silence::Wrench {
         warnings.push(Warning::ZeroWrench);
     } else if found.explained < plan.judge.poor_fit {

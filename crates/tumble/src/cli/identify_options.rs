@@ -191,10 +191,10 @@ impl IdentifyArgs {
     /// Whether a promise is asked for of a scenario that nobody has flown.
     pub(super) fn is_of_scenario(&self) -> bool {
         #[cfg(feature = "astrobee")]
-        let is_scenario = self.log.as_deref().is_some_and(super::unflown::is_scenario);
+        let is_named = self.log.as_deref().is_some_and(is_scenario);
         #[cfg(not(feature = "astrobee"))]
-        let is_scenario = false;
-        self.dry_run && self.more.is_empty() && is_scenario
+        let is_named = false;
+        self.dry_run && self.more.is_empty() && is_named
     }
 
     /// Every file of the log.
@@ -299,4 +299,11 @@ impl Outputs {
         tell_line!("wrote {}", file.finish()?.display());
         Ok(())
     }
+}
+
+/// Whether what stands in the place of a log is a scenario: a TOML file, or the name of an embedded one where no file has it.
+#[cfg(feature = "astrobee")]
+fn is_scenario(named: &std::path::Path) -> bool {
+    named.extension().is_some_and(|extension| extension == "toml")
+        || !named.is_file() && crate::scenario::EMBEDDED.iter().any(|embedded| named.as_os_str() == embedded.name)
 }

@@ -7,15 +7,9 @@ use super::log_files;
 use super::said::progress;
 use super::simulate_flight::{fly_to_log, seconds};
 use crate::TumbleError;
-use crate::scenario::{EMBEDDED, ScenarioSource};
+use crate::scenario::ScenarioSource;
 use std::path::{Path, PathBuf};
 use tumble_formats::{LogFile, Robots};
-
-/// Whether what stands in the place of a log is a scenario: a TOML file, or the name of an embedded one where no file has it.
-pub(super) fn is_scenario(named: &Path) -> bool {
-    named.extension().is_some_and(|extension| extension == "toml")
-        || !named.is_file() && EMBEDDED.iter().any(|embedded| Path::new(embedded.name) == named)
-}
 
 /// The logs that were named, as files, or the one of a scenario.
 pub(super) fn logs_of(args: &IdentifyArgs, named: &[PathBuf], robots: &Robots) -> Result<Vec<LogFile>, TumbleError> {
