@@ -5,7 +5,7 @@ use super::flown_layers::FlownLayers;
 use super::flown_sensing::FlownSensing;
 use super::fly_table::{Costs, table};
 use super::said::progress;
-use super::simulate::{write_environment, write_mcap};
+use super::simulate::{environment_option, write_environment, write_mcap};
 use super::{Outcome, print};
 use crate::flight_log::{MoreColumns, Recorder};
 use crate::mission::{
@@ -194,8 +194,9 @@ pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     let shown = place.display();
     let changed = record.payload.is_some_and(|held| held.held_s[0] > 0.0 || held.held_s[1] < record.summary.mission_s);
     let split = if changed { " --split" } else { "" };
+    let environment = environment_option(&source, &place);
     tell_line!(
-        "wrote {shown}; open {shown}/report.html, or: tumble identify {shown}/log.csv --reference {shown}/truth.toml{split}"
+        "wrote {shown}; open {shown}/report.html, or: tumble identify {shown}/log.csv --reference {shown}/truth.toml{environment}{split}"
     );
     told?;
     Ok(verdict(&record))

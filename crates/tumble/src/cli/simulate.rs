@@ -126,13 +126,13 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     } else {
         print(&table(&source, &flight, &flown, rows, left_out, speed)?)
     };
-    let outcome = ended(&place, &flight, rows, left_out);
+    let outcome = ended(&source, &place, &flight, rows, left_out);
     told?;
     Ok(outcome)
 }
 
 /// Says where the result is, and whether it is as it should be.
-fn ended(place: &Path, flight: &Flight, rows: u64, left_out: u64) -> Outcome {
+fn ended(source: &ScenarioSource, place: &Path, flight: &Flight, rows: u64, left_out: u64) -> Outcome {
     if rows == 0 {
         tell_line!(
             "wrote {}; not as it should be: the log holds no row, since no estimate of the {left_out} or none at all arrived in time; \
@@ -141,7 +141,7 @@ fn ended(place: &Path, flight: &Flight, rows: u64, left_out: u64) -> Outcome {
         );
         return Outcome::NotAchieved;
     }
-    say_next(place, flight);
+    say_next(place, flight, &environment_option(source, place));
     let violations: Vec<&TimedEvent> =
         flight.simulator.events().iter().filter(|event| event.event.is_violation()).collect();
     let Some(first) = violations.first() else { return Outcome::Achieved };
@@ -170,8 +170,14 @@ pub(super) fn write_mcap(log: &Path, path: &Path, world: &World, description: &s
     })?)
 }
 
+/// The option by which `identify` is told of the environment beside a log in this folder; nothing where there is none.
+pub(super) fn environment_option(source: &ScenarioSource, folder: &Path) -> String {
+    let file = source.scenario.environment.as_ref().map(|_| folder.join(ENVIRONMENT));
+    file.map_or_else(String::new, |file| format!(" --environment {}", file.display()))
+}
+
 /// Says where the result is, what to do with it, and what it cannot show.
-fn say_next(place: &Path, flight: &Flight) {
+fn say_next(place: &Path, flight: &Flight, environment: &str) {
     let shown = place.display();
     let changed = flight.simulator.events().iter().any(|event| match event.event {
         Event::PayloadAttached => event.time_ns > 0,
@@ -179,7 +185,9 @@ fn say_next(place: &Path, flight: &Flight) {
         _ => false,
     });
     let split = if changed { " --split" } else { "" };
-    tell_line!("wrote {shown}; next: tumble identify {shown}/log.csv --reference {shown}/truth.toml{split}");
+    tell_line!(
+        "wrote {shown}; next: tumble identify {shown}/log.csv --reference {shown}/truth.toml{environment}{split}"
+    );
     if changed {
         tell_line!(
             "note: the body changed in flight; truth.toml is the one at the end, `--split` looks for the others"

@@ -104,7 +104,10 @@ fn simulated(folder: &Path, name: &str, scenario: &str, seed: u64) -> PathBuf {
     fs::write(&file, scenario).unwrap();
     let output = said(folder, &format!("simulate {name}.toml --seed {seed} --out {name}-{seed}"));
     assert!(output.status.success(), "{}", stderr(&output));
-    folder.join(format!("{name}-{seed}"))
+    let is_told = stderr(&output).contains(&format!(" --environment {name}-{seed}/environment.toml"));
+    let flown = folder.join(format!("{name}-{seed}"));
+    assert_eq!(is_told, flown.join("environment.toml").is_file(), "{}", stderr(&output));
+    flown
 }
 
 /// What `identify` says, and by how many standard deviations each of mass and moments of inertia is off.
